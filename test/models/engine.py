@@ -23,7 +23,7 @@ _CALLBACK = ctypes.CFUNCTYPE(
 
 _VISIBLE = '#include "scalar.h"\n#pragma GCC visibility push(default)\n'
 _CONES = """
-#include "contact/friction_cones.h"
+#include "contact/several_contacts.h"
 int solve_cones(int nc, const double* W, const double* c, const double* mu, int* state,
                 double* force, double* direction) {
   const scene_t sizes = {.nc = nc}, *scene = &sizes;
@@ -31,10 +31,10 @@ int solve_cones(int nc, const double* W, const double* c, const double* mu, int*
   answer_t answers[NC + 1];
   cones.W = W;
   cones.c = c;
-  cones.friction = cones.holding = mu;
+  cones.friction = cones.static_friction = mu;
   for (int k = 0; k < NC; ++k) {
-    cones.slides[k] = 0;
-    cones.allowed[k] = 1;
+    cones.was_sliding[k] = 0;
+    cones.is_touching[k] = 1;
   }
   const int found = solve_contacts(scene, &cones, answers);
   for (int k = 0; k < NC; ++k) {
@@ -77,7 +77,7 @@ int decay(const real* x, const real* u, double h, double largest, control_t* con
           real* after) {
   const scene_t scene = {
     .nx = 2, .nu = 1, .sz_w = 1, .adaptive = 1, .order = 2,
-    .most_substeps = 2000, .largest = largest, .attempt = attempt
+    .substep_limit = 2000, .largest = largest, .attempt = attempt
   };
   return flow(&scene, 0, attempt, 0, x, u, 0, h, control, after);
 }

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import cache
 from itertools import cycle, product
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -242,20 +243,19 @@ def test_several_ticks() -> None:
     compare(simulator(rebounding, 0.1, "rk4"), [0.3], [-1.0], [1.0], ticks=4)
 
 
-def test_link_behind_a_flexible_drive_strikes_its_stop() -> None:
+def test_link_behind_a_flexible_drive_strikes_its_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     sim = simulator(flexible, 0.02, "error control")
     compare(sim, [0.99], [1.0], [0.1])
     assert sim.impacts == 1
+    monkeypatch.setattr(eventful_ticks, "MAX_STEPS", 1)
+    with pytest.raises(NotDifferentiable, match="more than .* sub-steps"):
+        Simulator(flexible(), dt=0.02, tolerance=1e-12).linearize(sim.reset([0.99], [1.0]), [0.1])
 
 
 def test_an_interrupt_in_a_step_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps under error control are propagated in Python, called by C."""
     sim = simulator(flexible, 0.02, "error control")
-
-    def interrupted(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(tangents.Tangents, "step", interrupted)
+    monkeypatch.setattr(tangents.Tangents, "step", Mock(side_effect=KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
         sim.linearize(sim.reset([0.99], [1.0]), [0.1])
 
@@ -272,7 +272,7 @@ def test_a_step_too_long_to_be_compiled(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_without_compiled_code_events_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     sim = Simulator(CASES["rebounds"][0](), dt=0.1)
-    monkeypatch.setattr(eventful_ticks, "built_of_lanes", lambda *_: None)
+    monkeypatch.setattr(eventful_ticks, "compile_lanes", lambda *_: None)
     with pytest.raises(CompilerMissing, match=r"events need compiled code.*\./arm build"):
         sim.linearize(sim.reset([0.05], [-1.0]), [1.0])
 

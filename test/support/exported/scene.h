@@ -29,7 +29,7 @@ equation_t project, torques, acting_torques, servo, effort_slopes;
 #define START {0.0, 0.0, 0.0, 0.0, 0.0}
 #define OF_STATE {-1}
 #define TUNABLE {0.0, 0.0, -9.81}
-#define OPEN 1e-11
-#define AT_STOP 1e-9
+#define LOOP_TOLERANCE 1e-11
+#define STOP_TOLERANCE 1e-9
 #define LOOPS 24
 #define DRIVEN 1

@@ -139,6 +139,7 @@ class InverseKinematics:
             Unreachable: If it is not reached from any seed; states the remaining errors.
             InvalidInput: If the pose or the seed is not allowed.
         """
+        pose = checked_pose(pose)
         solution = self.solve(pose, seed)
         if solution.reached:
             return solution.q

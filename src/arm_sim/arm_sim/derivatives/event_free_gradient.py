@@ -28,7 +28,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import pullback, scaled_jacobian
 from arm_sim.stepping.arm_table import Engine
 from arm_sim.stepping.engine import Compiled
-from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, built_of_lanes, lanes_source
+from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, compile_lanes, lanes_source
 
 # Largest number of ticks that are made in one call
 STRETCH = 1024
@@ -111,9 +111,9 @@ class EventFreeGradients:
         self, nonsmooth: NonsmoothPoints, engine: Engine, code: Compiled, length: float
     ) -> None:
         self._nonsmooth, self._engine, self.code, self.length = nonsmooth, engine, code, length
-        code.engine.numbers_kept.restype = ctypes.c_longlong
+        code.engine.numbers_per_tick.restype = ctypes.c_longlong
         code.engine.event_free_motion.restype = ctypes.c_longlong
-        self._record_size = int(code.engine.numbers_kept(code.scene))
+        self._record_size = int(code.engine.numbers_per_tick(code.scene))
 
     @classmethod
     @one_at_a_time
@@ -126,7 +126,7 @@ class EventFreeGradients:
         functions += [*event_free.functions, *event_free.adjoints]
         types = [ADDRESS, ADDRESS, ctypes.c_double, NUMBER, *[ADDRESS] * 4]
         write = partial(lanes_source, plant, choice, functions, more=event_free.members)
-        code = built_of_lanes(write, 1, "event_free_gradient", types)
+        code = compile_lanes(write, 1, "event_free_gradient", types)
         return cls(nonsmooth, engine, code, choice.dt) if code else None
 
     def advance(self, motion: Motion, tau: Array) -> EventFreePart | None:

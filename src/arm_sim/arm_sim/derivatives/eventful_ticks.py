@@ -22,7 +22,13 @@ from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.derivatives.guards import guard_functions, guard_names
 from arm_sim.derivatives.impact import impact_function
 from arm_sim.derivatives.one_sided import TickPoint
-from arm_sim.derivatives.refusals import JOINT_REASONS, REASONS, divergence, refusal_message
+from arm_sim.derivatives.refusals import (
+    JOINT_REASONS,
+    MAX_STEPS,
+    REASONS,
+    divergence,
+    refusal_message,
+)
 from arm_sim.derivatives.rest_stability import rest_functions
 from arm_sim.derivatives.tangents import TANGENTS, Tangents
 from arm_sim.derivatives.tangents.rest_projection import RestProjection
@@ -33,12 +39,12 @@ from arm_sim.plant.plant import Plant, slope_of_loads
 from arm_sim.plant.symbols import expanded_function
 from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
-from arm_sim.stepping.rollouts.lanes import ADDRESS, built_of_lanes, lanes_source
+from arm_sim.stepping.rollouts.lanes import ADDRESS, compile_lanes, lanes_source
 
 # Mobility across the direction of sliding, relative to the whole, that is rounding.
 ROUNDING = 1e-12
-# Largest number of segments of a tick, and of steps of all of them
-MAX_SEGMENTS, MAX_STEPS = 1000, 200_000
+# Largest number of segments of a tick
+MAX_SEGMENTS = 1000
 # Functions of the engine that derivatives need as well
 ENGINE_FUNCTIONS = ("loads", "statics", "contact_geometry")
 
@@ -75,7 +81,7 @@ class EventfulTicks:
         self._rest, self._tangents = RestProjection(plant, p_indices), tangents
         four, flags = [ADDRESS] * 4, [ctypes.c_int] * 2
         types = [*four, ctypes.c_double, ADDRESS, *flags, *four]
-        code = built_of_lanes(self._source, 1, "differentiate", types)
+        code = compile_lanes(self._source, 1, "differentiate", types)
         if code is None:
             raise CompilerMissing(
                 f"derivatives of scenes with events need compiled code: {HOW_TO_GET_CODE}"

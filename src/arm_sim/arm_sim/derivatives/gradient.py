@@ -34,14 +34,14 @@ from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.arm_table import ArmTable, Marks
+from arm_sim.stepping.arm_table import ArmTable, RolloutFlags
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollouts.batch import Batch
 from arm_sim.stepping.rollouts.lane_widths import widest
 from arm_sim.stepping.rollouts.lanes import (
     ADDRESS,
     NUMBER,
-    built_of_lanes,
+    compile_lanes,
     lanes_source,
     takes_equal_steps,
 )
@@ -208,8 +208,8 @@ class Gradients:
         gradients: ArgumentGradients, threads: int | None,
     ) -> list[int]:  # fmt: skip
         """Fill in gradients of all arms, and return those that meet stops or diverge."""
-        marks, tau = Marks(len(batch.x0)), batch.tau[:, : batch.steps]
-        arms = ArmTable.of(batch.x0, tau, batch.p, self._choice.dt, marks, None)
+        flags, tau = RolloutFlags(len(batch.x0)), batch.tau[:, : batch.steps]
+        arms = ArmTable.of(batch.x0, tau, batch.p, self._choice.dt, flags, None)
 
         def work(first: int, last: int) -> None:
             motion = np.empty((batch.steps, batch.x0.shape[1], width))
@@ -218,8 +218,8 @@ class Gradients:
                 address(gradients.by_x), address(gradients.by_tau), address(gradients.by_p),
             )  # fmt: skip
 
-        share(len(batch.x0), width, threads, work, batch.steps, marks.halt)
-        return marks.of(0, len(batch.x0))
+        share(len(batch.x0), width, threads, work, batch.steps, flags.halt)
+        return flags.marked(0, len(batch.x0))
 
     def _run_arm(
         self, batch: Batch, g: Array, gradients: ArgumentGradients, arm: int, side: int | None
@@ -253,7 +253,7 @@ class Gradients:
             return None
         types = [ADDRESS, NUMBER, NUMBER, *[ADDRESS] * 5]
         write = partial(lanes_source, self._free_plant, self._choice, self._functions)
-        return built_of_lanes(write, width, "rollout_gradient", types)
+        return compile_lanes(write, width, "rollout_gradient", types)
 
     @built_once
     def _functions(self) -> tuple[ca.Function, ...]:

@@ -11,9 +11,12 @@ from arm_sim.stepping.engine import NATIVE
 _HEADER = Header(NATIVE / "derivatives/sensitivities.h", only="refusal")
 # Names of reasons by their values in compiled code
 REASONS = {value: name for name, value in _HEADER.constants.items()}
+# Largest number of steps of a tick, in all its segments
+MAX_STEPS = 200_000
 # Messages of reasons, with room for the names of guards or joints
 MESSAGES = {
     "ACCUMULATE": "events accumulate in the time step: it has no derivative",
+    "TOO_MANY_STEPS": f"the time step takes more than {MAX_STEPS} sub-steps",
     "BEGINS_WITH_IMPACT": "the time step begins with an impact",
     "BEGINS_ON_BOUNDARY": (
         "{} is on the boundary between two modes at its beginning, as at rest and about to slide"

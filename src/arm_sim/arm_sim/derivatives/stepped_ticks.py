@@ -22,7 +22,7 @@ from arm_sim.integrators.steps import build_step
 from arm_sim.plant.actuation import actuation_slopes
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.slopes import scaled_jacobian
-from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
+from arm_sim.stepping.adaptive import SubstepControl, adaptive_tick, within_reach
 from arm_sim.stepping.stepper import Stepper
 
 
@@ -78,7 +78,7 @@ class SteppedTicks:
         if control is None:
             return [self._choice.dt]
         lengths, attempt = list[float](), self._attempt.call("attempt")
-        if not controlled_tick(attempt, x.copy(), u, p, self._choice.dt, control, lengths):
+        if not adaptive_tick(attempt, x.copy(), u, p, self._choice.dt, control, lengths):
             raise divergence(self._choice)
         return lengths
 

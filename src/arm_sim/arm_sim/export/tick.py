@@ -82,7 +82,7 @@ def tick_of(
         scene_source(plant, choice, functions, smooth, "static const", members),
         '#include "arm/tick.h"\n',
     ])  # fmt: skip
-    included = {*ELSEWHERE} | (set() if plant.eventful else {"events/events.h"})
+    included = {*ELSEWHERE} | (set() if plant.eventful else {"events/cheapest_tick.h"})
     parts = [amalgamated(engine, included), _defines(simulator)]
     if tangents:
         parts.append(derivatives_of_ticks(tangents, included))
@@ -129,8 +129,8 @@ def _defines(simulator: Simulator) -> str:
         "START": braces(simulator.arm.x),
         "OF_STATE": "{" + (", ".join(map(str, _origins(plant))) or "0") + "}",
         "TUNABLE": braces(plant.parameters.nominal),
-        "CLOSURE_TOLERANCE": repr(CLOSURE_TOLERANCE),
-        "AT_STOP": repr(ROUNDED),
+        "LOOP_TOLERANCE": repr(CLOSURE_TOLERANCE),
+        "STOP_TOLERANCE": repr(ROUNDED),
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),
     }
@@ -191,7 +191,7 @@ def _setter(numbers: Sequence[_Number]) -> str:
         violations += [f"value > {number.most!r}"] if number.most < math.inf else []
         refusal = f"{' || '.join(violations)} ? LIBRARY_NOT_ALLOWED : " if violations else ""
         match = f'is_same(parameter, "{number.name}")'
-        lines.append(f"  if ({match}) return {refusal}put(sim, {i}, value);")
+        lines.append(f"  if ({match}) return {refusal}set_number(sim, {i}, value);")
     return "\n".join([
         "", "int library_sim_set(library_sim* sim, const char* parameter, double value) {",
         *(lines or ["  (void)sim;", "  (void)parameter;", "  (void)value;"]),

@@ -161,7 +161,7 @@ class Parameters:
         for name in values:
             if name not in self.names:
                 listed = self.names or f"none of {', '.join(get_args(Tunable))}"
-                raise InvalidInput(f"'{name}' is not tunable; the scene's 'tunable' lists {listed}")
+                raise InvalidInput(f"'{name}' is not tunable; 'tunable' lists {listed}")
         columns = [
             self._check(item, values[item.name]) if item.name in values else self.of(item.name, p)
             for item in self.items

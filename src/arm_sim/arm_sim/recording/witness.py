@@ -27,7 +27,7 @@ from arm_sim.integrators.selection import IMPLICIT_STIFFNESS, Choice, fastest_ra
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import FREE, Contents
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.trial import lasting
+from arm_sim.stepping.trial import persistent_errors
 
 # Ticks of the second run in a tick of the first
 FINER = 4
@@ -206,7 +206,7 @@ def doubt(
     assert motion.origin is not None
     n, accuracy = len(motion.joint_names), motion.origin.scene.sim.accuracy
     scaled = error / (1.0 + abs(motion.ended[:, : 2 * n]))
-    size = np.vstack([scaled[:1], lasting(scaled[1:], n)])
+    size = np.vstack([scaled[:1], persistent_errors(scaled[1:], n)])
     allowed = accuracy * np.maximum(1.0, motion.time - motion.time[0])
     beyond = (size > allowed[:, None]).any(axis=1)
     if not beyond.any():

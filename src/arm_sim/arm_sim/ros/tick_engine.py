@@ -143,7 +143,8 @@ class TickEngine:
         arm, ticks, stopping = self._arm, self.ticks, self.stopping
         ticks.arm = None if arm.pointers is None else addressof(arm.pointers)
         ticks.stopping, ticks.locked = stopping.is_active, stopping.is_locked
-        ticks.needs_cut_notice, ticks.has_sensors = arm.is_clipping_unreported, arm.sensors is not None
+        ticks.needs_cut_notice = arm.is_clipping_unreported
+        ticks.has_sensors = arm.sensors is not None
         ticks.needs_preparation = self.wrenches.need_torques or self.commands.line is not None
         ticks.has_listeners = bool(self.on.tick)
 

@@ -24,6 +24,8 @@ MAX_SUBSTEPS_TOUCHING = 250
 # A motion diverges where a number of the state is larger than this: far from overflow, so that its
 # squares are finite.
 LARGEST = 1e150
+# Choice of the next sub-step, as in ``native/motion/step_control.h``
+SAFETY, LEAST_FACTOR, MOST_FACTOR, TINY_ERROR, SHORTEST = 0.9, 0.2, 6.0, 1e-10, 1e-12
 
 
 class SubstepControl(ctypes.Structure):
@@ -39,7 +41,7 @@ class SubstepControl(ctypes.Structure):
         self.order = order
 
     def copy(self) -> SubstepControl:
-        """Another one in the same state."""
+        """Another control in the same state."""
         other = SubstepControl(self.tolerance, self.order)
         other.step, other.error, other.attempts = self.step, self.error, self.attempts
         return other
@@ -54,7 +56,7 @@ def copy_of(control: SubstepControl | None) -> SubstepControl | None:
     return control and control.copy()
 
 
-def controlled_tick(
+def adaptive_tick(
     attempt: Call,
     x: Array,
     u: Array,
@@ -80,13 +82,13 @@ def controlled_tick(
     state, elapsed, step = x.copy(), 0.0, control.step if control.step > 0.0 else h
     for _ in range(MAX_SUBSTEPS):
         left = h - elapsed
-        last = step >= left * (1.0 - 1e-12)
+        last = step >= left * (1.0 - SHORTEST)
         trial = left if last else step
         after, error, error_q = attempt(state, u, p, trial)
         control.attempts += 1
         size = float(error[0]) / control.tolerance
         reached = within_reach(after)
-        factor = _growth(size, control.order) if reached else 0.2
+        factor = _growth(size, control.order) if reached else LEAST_FACTOR
         if size <= 1.0 and reached:
             state[:] = after
             control.error += float(error_q[0])
@@ -101,14 +103,14 @@ def controlled_tick(
                 return True
         else:
             step = trial * factor
-            if step < 1e-12 * h:
+            if step < SHORTEST * h:
                 return False
     return False
 
 
 def _growth(size: float, order: int) -> float:
-    factor = 6.0 if size < 1e-10 else 0.9 * size ** (-1.0 / order)  # NaN must shrink it
-    return min(6.0, factor) if factor > 0.2 else 0.2
+    factor = MOST_FACTOR if size < TINY_ERROR else SAFETY * size ** (-1.0 / order)
+    return min(MOST_FACTOR, factor) if factor > LEAST_FACTOR else LEAST_FACTOR  # also of NaN
 
 
 def within_reach(x: Array) -> bool:

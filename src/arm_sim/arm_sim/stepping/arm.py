@@ -14,8 +14,8 @@ class Arm(ctypes.Structure):
     """``arm_t`` of arm.h.
 
     Attributes:
-        keeps: What its pointers point at.
+        memory: Owners of what its pointers point at, kept alive.
     """
 
     _fields_ = ARM.fields("arm_t")
-    keeps: tuple[Any, ...]
+    memory: tuple[Any, ...]

@@ -20,27 +20,27 @@ class Engine(ctypes.Structure):
 
     @classmethod
     def of(cls, stepper: Stepper) -> Engine:
-        """Those of a scene with events."""
+        """The functions of a scene with events."""
         assert stepper.compiled is not None
         functions = (getattr(stepper.compiled.engine, name) for name, _ in cls._fields_[1:])
         addresses = (ctypes.cast(function, ctypes.c_void_p).value for function in functions)
         return cls(stepper.compiled.scene.value, *addresses)
 
 
-class Marks:
-    """A mark for each arm, to be set by compiled code, and a flag by which it is halted.
+class RolloutFlags:
+    """Arms that lanes leave to be advanced alone, set by compiled code; and what halts it.
 
     Attributes:
-        addresses: Of the marks and of the flag, for ``arms_t``.
+        addresses: Of the arms' flags and of the halting flag, for ``arms_t``.
     """
 
     def __init__(self, arms: int) -> None:
-        self._marks, self._halted = (ctypes.c_char * arms)(), ctypes.c_int8()
-        self.addresses = ctypes.addressof(self._marks), ctypes.addressof(self._halted)
+        self._unfinished, self._halted = (ctypes.c_char * arms)(), ctypes.c_int8()
+        self.addresses = ctypes.addressof(self._unfinished), ctypes.addressof(self._halted)
 
-    def of(self, first: int, last: int) -> list[int]:
-        """Those of some arms whose marks are set."""
-        return list(compress(range(first, last), self._marks.raw[first:]))
+    def marked(self, first: int, last: int) -> list[int]:
+        """The arms from ``first`` to before ``last`` that are to be advanced alone."""
+        return list(compress(range(first, last), self._unfinished.raw[first:]))
 
     @property
     def halted(self) -> bool:
@@ -48,7 +48,7 @@ class Marks:
         return bool(self._halted.value)
 
     def halt(self) -> None:
-        """Halt it."""
+        """Let compiled code return at its next tick."""
         self._halted.value = 1
 
 
@@ -59,19 +59,19 @@ class ArmTable(ctypes.Structure):
 
     @classmethod
     def of(
-        cls, x0: Array, tau: Array, p: Array, dt: float, marks: Marks, engine: Engine | None
+        cls, x0: Array, tau: Array, p: Array, dt: float, flags: RolloutFlags, engine: Engine | None
     ) -> ArmTable:
-        """Those of some arrays, which must live as long.
+        """A table of arrays, which must live as long.
 
         Args:
             x0: Initial states, shape (b, nx).
             tau: Commands, shape (b, ticks, n).
             p: Parameters, shape (b, np).
             dt: Length of a tick in [s].
-            marks: Receives which arms are to be advanced alone.
+            flags: Receives which arms are to be advanced alone.
             engine: In a scene with events.
         """
         return cls(
             *map(address, (x0, tau, p)), *strides(tau, 2), *strides(p, 1), dt, tau.shape[1],
-            *marks.addresses, None if engine is None else ctypes.addressof(engine),
+            *flags.addresses, None if engine is None else ctypes.addressof(engine),
         )  # fmt: skip

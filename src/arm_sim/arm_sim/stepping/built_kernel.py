@@ -43,10 +43,10 @@ def built_kernel(
     compiled = control is None and backend in ("auto", "native")
     recipe = recipe_of(plant, choice, acted) if compiled else ""
     cached = Kernel.recalled(recipe) if recipe else None
-    kernel = cached or _built(plant, choice, backend, control, acted)
-    _check(plant, kernel, "rhs")
+    kernel = cached or _compile_kernel(plant, choice, backend, control, acted)
+    _check_accelerations(plant, kernel, "rhs")
     if plant.free:
-        _check(plant.free, kernel, f"{FREE}rhs")
+        _check_accelerations(plant.free, kernel, f"{FREE}rhs")
     if recipe and not cached:
         kernel.keep(recipe)
     return kernel
@@ -67,7 +67,7 @@ def recipe_of(plant: Plant, choice: Choice, acted: bool) -> str:
     return repr((inputs, sources, ca.__version__, np.__version__))
 
 
-def _built(
+def _compile_kernel(
     plant: Plant, choice: Choice, backend: str, control: CompiledControl | None, acted: bool
 ) -> Kernel:
     """Generate and compile the equations of a scene."""
@@ -79,7 +79,7 @@ def _built(
     return Kernel(functions, backend, driver, " and ".join(features), INCLUDED)
 
 
-def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
+def _check_accelerations(plant: Plant, kernel: Kernel, rhs: str) -> None:
     """Check the kernel's accelerations against Pinocchio before they are used."""
     call, dynamics, n = kernel.call(rhs), Dynamics(plant.model), plant.model.n
     modes = Modes(plant, plant.parameters.nominal)

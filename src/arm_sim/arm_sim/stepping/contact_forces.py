@@ -62,7 +62,7 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
         u: Torque that acts, shape (n,).
 
     Returns:
-        One for each contact, in the order of the scene.
+        A force for each contact, in the order of the scene.
 
     Raises:
         InvalidInput: If the scene has no contact.

@@ -14,12 +14,12 @@ NATIVE = Path(__file__).parent / "native"
 # Flags for compilers, see ``compiler.build``
 INCLUDED = (f"-I{NATIVE}",)
 # Units of the library for several arms side by side, and of that for one at a time
-OF_LANES = (
-    "lanes/rollout.c", "lanes/controlled_rollout.c", "derivatives/gradient.c",
+LANE_UNITS = (
+    "lanes/rollout.c", "lanes/adaptive_rollout.c", "derivatives/gradient.c",
     "derivatives/tangent_ticks.c",
 )  # fmt: skip
-OF_ONE_ARM = (
-    "arm/arm.c", *OF_LANES, "derivatives/tick_derivative.c", "derivatives/tangent_step.c",
+ARM_UNITS = (
+    "arm/arm.c", *LANE_UNITS, "derivatives/tick_derivative.c", "derivatives/tangent_step.c",
     "derivatives/eventful_derivatives.c", "derivatives/event_free_gradient.c",
 )  # fmt: skip
 # The engine consists of loops, unlike generated code: short ones, slower as calls of memcpy.
@@ -51,7 +51,7 @@ def library(
     Raises:
         CompilerMissing: If there is neither a compiler nor a library compiled elsewhere.
     """
-    units = units or (OF_ONE_ARM if width == 1 else OF_LANES)
+    units = units or (ARM_UNITS if width == 1 else LANE_UNITS)
     return _library(compiler.destination(), width, units, folders)
 
 
@@ -60,7 +60,7 @@ class Compiled:
 
     Attributes:
         own: Library of the scene.
-        engine: That of the engine.
+        engine: Library of the engine.
         scene: Address of its structure, the first argument of the engine's functions.
     """
 

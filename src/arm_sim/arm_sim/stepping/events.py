@@ -39,7 +39,7 @@ class EventReport(ctypes.Structure):
         self.impact_loss, self.impacts, self.trouble, self.time_stepped = 0.0, 0, 0, 0
 
 
-def lengths(plant: Plant) -> dict[str, int]:
+def array_lengths(plant: Plant) -> dict[str, int]:
     """Lengths of the engine's arrays, by their names in ``native/``."""
     n, contacts = plant.model.n, len(plant.points)
     return {
@@ -69,9 +69,9 @@ class Modes:
 
     def __init__(self, plant: Plant, tunable: Array) -> None:
         """Copy the tunable numbers; the modes of joints and contacts are not determined yet."""
-        of = lengths(plant)
-        ends = np.cumsum([of[name] for name in ("NP", "ND", "NQ", "NK")])
-        self.p: Array = np.zeros(ends[-1] + of["NC"] * _CONTACT_MODE.itemsize // 8)
+        length = array_lengths(plant)
+        ends = np.cumsum([length[name] for name in ("NP", "ND", "NQ", "NK")])
+        self.p: Array = np.zeros(ends[-1] + length["NC"] * _CONTACT_MODE.itemsize // 8)
         parts = np.split(self.p, ends)  # in the order of modes_t of native/modes/mode_vector.h
         self.tunable, self.direction, self.pressed, self.switches = parts[:4]
         self.contact = parts[4].view(_CONTACT_MODE)

@@ -17,7 +17,7 @@ _log = logging.getLogger(__name__)
 
 
 def unanswered(*_: object) -> None:
-    """No result: it is left to Python."""
+    """None for any arguments: the answer is left to Python."""
 
 
 def function_of_structure(

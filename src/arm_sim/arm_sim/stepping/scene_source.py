@@ -21,15 +21,14 @@ from arm_sim.plant.admissible_states import PENETRATION_TOLERANCE
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import LARGEST, MAX_SUBSTEPS, MAX_SUBSTEPS_TOUCHING
 from arm_sim.stepping.engine import NATIVE, SYMBOL
-from arm_sim.stepping.events import lengths
+from arm_sim.stepping.events import array_lengths
 
 # Position of a stop that does not exist: beyond every position
 NOWHERE = sys.float_info.max
-# Budget of a tick with events before it is time-stepped, in arithmetic operations: these take less
-# than a millisecond, ...
-MOST_OPERATIONS = 1_000_000
-LEAST_WORK = 20  # ... or so many smooth motions for each joint and each direction of a contact
-PATIENCE = 50  # factor of the budget with error control
+# Budget of a tick with events before it is time-stepped: arithmetic operations, which take less
+# than a millisecond, or at least so many smooth motions for each joint and each direction of a
+# contact; and its factor with error control
+MOST_OPERATIONS, LEAST_MOTIONS, ADAPTIVE_FACTOR = 1_000_000, 20, 50
 OVERHEAD = 100  # of a call, in operations
 # Operations that take as long as several additions
 WEIGHTS = {
@@ -40,8 +39,8 @@ COSTS = {
     "slope_cost": "rhs", "loads_cost": "loads", "mobility_cost": "contact_mobility",
     "impact_cost": "impact_map", "statics_cost": "statics",
 }  # fmt: skip
-_HEADER = Header(NATIVE / "scene.h", only="scene_t most")
-_SCENE, _MOST = _HEADER.fields("scene_t"), _HEADER.constants
+_SCENE = Header(NATIVE / "scene.h", only="scene_t").fields("scene_t")
+_CAPACITY = Header(NATIVE / "generated_call.h", only="capacity").constants
 # Members that lengths of arrays depend on, all before ``adaptive``; their names in capitals are
 # macros
 SIZES = tuple(name for name, kind in _SCENE[: [n for n, _ in _SCENE].index("adaptive")])
@@ -98,30 +97,30 @@ def _members(
     plant: Plant, choice: Choice, functions: Sequence[ca.Function]
 ) -> dict[str, int | float]:
     """Sizes and features of a scene."""
-    stops, statics, controlled = plant.model.stops, plant.events.get("statics"), choice.tolerance
+    stops, statics, tolerance = plant.model.stops, plant.events.get("statics"), choice.tolerance
     plain = not (plant.constrained or plant.layout.pressed or plant.layout.switches)
     results = [(function.name(), function.n_out()) for function in functions]
     features = {
-        "adaptive": controlled is not None, "constrained": plant.constrained,
-        "rigid": stops.rigid.any(), "stops": bool(stops) and not plant.eventful,
-        "free": plant.free is not None, "moving": plant.has_sliding_modes,
+        "adaptive": tolerance is not None, "constrained": plant.constrained,
+        "has_stops_without_events": bool(stops) and not plant.eventful, "rigid": stops.rigid.any(),
+        "has_free_equations": plant.free is not None,
+        "has_moving_equations": plant.has_sliding_modes,
         "joints_and_contacts_only": plant.eventful and plain,
-        "event_free_shortcut": plant.has_sliding_modes and controlled is None and plain,
-        "near_loads": ("step", 5) in results or ("attempt", 7) in results,
-        "indeterminate": statics is not None,
-        "eventful": plant.eventful,
+        "has_shortcut": plant.has_sliding_modes and tolerance is None and plain,
+        "has_near_loads": ("step", 5) in results or ("attempt", 7) in results,
+        "indeterminate": statics is not None, "eventful": plant.eventful,
     }  # fmt: skip
     most = max(max(function.sz_arg(), function.sz_res()) for function in functions)
-    assert most <= _MOST["MOST_ARGUMENTS"], f"a function with {most} arguments or results"
-    assert max(function.sz_iw() for function in functions) <= _MOST["MOST_INTEGERS"]
+    assert most <= _CAPACITY["ARGUMENT_CAPACITY"], f"a function with {most} arguments or results"
+    assert max(function.sz_iw() for function in functions) <= _CAPACITY["INTEGER_CAPACITY"]
     numbers = {
         "sz_w": max(function.sz_w() for function in functions) + 1,
         "nm": 0 if statics is None else statics.size1_out(3), "nr": plant.model.n,
         "order": choice.method.order, "tolerance": choice.tolerance or 0.0,
-        "most_substeps": MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS,
-        "largest": LARGEST, "deep": PENETRATION_TOLERANCE, "slowest": AT_REST,
+        "substep_limit": MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS,
+        "largest": LARGEST, "penetration_limit": PENETRATION_TOLERANCE, "slowest": AT_REST,
     }  # fmt: skip
-    of_plant = {name.lower(): size for name, size in lengths(plant).items()}
+    of_plant = {name.lower(): size for name, size in array_lengths(plant).items()}
     return of_plant | {name: int(bool(has)) for name, has in features.items()} | numbers
 
 
@@ -131,11 +130,11 @@ def _costs(
     """Costs of functions, and the budget of a tick before the rest of it is time-stepped."""
     costs = {function.name(): OVERHEAD + operations(function, WEIGHTS) for function in functions}
     step = costs[smooth.name()]
-    factor = 1 if choice.tolerance is None else PATIENCE
+    factor = 1 if choice.tolerance is None else ADAPTIVE_FACTOR
     parts = plant.model.n + 3 * len(plant.points)
-    most = max(MOST_OPERATIONS * factor, LEAST_WORK * step * max(factor, parts))
+    most = max(MOST_OPERATIONS * factor, LEAST_MOTIONS * step * max(factor, parts))
     members = {member: costs.get(name, 0) for member, name in COSTS.items()}
-    return {"most_work": most, "step_cost": step} | members
+    return {"work_limit": most, "step_cost": step} | members
 
 
 def _numbers(plant: Plant) -> Mapping[str, Array]:
@@ -146,12 +145,12 @@ def _numbers(plant: Plant) -> Mapping[str, Array]:
     return {
         "stop_place": np.clip(stops.place, -NOWHERE, NOWHERE),
         "rigid_stop": np.clip(stops.bounds, -NOWHERE, NOWHERE),
-        "rebound_of": np.array(stops.restitution),
+        "stop_restitution": np.array(stops.restitution),
         "soft_stop": np.array([soft_lower, soft_upper]),
         "static_level": model.friction.level,
         "wave_number": _wave_numbers(model),
         "friction": np.array([point.friction for point in points]),
-        "holding": np.array([point.static_friction for point in points]),
+        "static_friction": np.array([point.static_friction for point in points]),
         "restitution": np.array([point.restitution for point in points]),
     }
 

@@ -21,7 +21,7 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.adaptive import SubstepControl, controlled_tick, within_reach
+from arm_sim.stepping.adaptive import SubstepControl, adaptive_tick, within_reach
 from arm_sim.stepping.arm import Arm
 from arm_sim.stepping.built_kernel import built_kernel
 from arm_sim.stepping.engine import Compiled, library
@@ -135,7 +135,7 @@ class Stepper:
             *(None if array is None else address(array) for array in arrays), address(self.p),
             self._choice.dt, control, ctypes.addressof(self.report),
         )  # fmt: skip
-        arm.keeps = arrays, self
+        arm.memory = arrays, self
         return arm
 
     def ticks_function(
@@ -252,7 +252,7 @@ class Stepper:
     def _flow(self, x: Array, u: Array) -> bool:
         """One smooth tick in place on the virtual machine; returns whether it stayed finite."""
         if self._control is not None:
-            return controlled_tick(self._smooth, x, u, self.p, self._choice.dt, self._control)
+            return adaptive_tick(self._smooth, x, u, self.p, self._choice.dt, self._control)
         after = self._smooth(x, u, self.p, self._choice.dt)[0]
         if not within_reach(after):
             return False

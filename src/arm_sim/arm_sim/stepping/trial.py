@@ -64,10 +64,10 @@ def _error(fine: Stepper, coarse: Stepper, x: Array, ticks: int, n: int, order: 
             return np.inf
         ends.append(trace[ratio - 1 :: ratio, : 2 * n])
     apart = abs(ends[0] - ends[1]) / (1.0 + abs(ends[0])) / (2.0**order - 1.0)
-    return float(lasting(apart, n).max())
+    return float(persistent_errors(apart, n).max())
 
 
-def lasting(error: Array, n: int) -> Array:
+def persistent_errors(error: Array, n: int) -> Array:
     """Errors of q and v, those of v as far as they last for two rows, shape (k, 2n).
 
     An event that ends a tick is in one motion before that, and in the other after it.

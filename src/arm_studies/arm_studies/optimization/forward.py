@@ -11,7 +11,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.addresses import address, strides
 from arm_sim.simulation.simulator import Simulator
 from arm_sim.stepping import Stepper
-from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
+from arm_sim.stepping.arm_table import ArmTable, Engine, RolloutFlags
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollouts import lanes
 from arm_sim.stepping.rollouts.lane_widths import widest
@@ -75,16 +75,16 @@ class Forward:
         self, code: Compiled, course: Course, size: Array, x: Array, u: Array
     ) -> list[int]:
         """Simulate all arms; those that are returned meet stops and must be simulated alone."""
-        policy, marks = course.policy, Marks(len(size))
+        policy, flags = course.policy, RolloutFlags(len(size))
         arrays = course.x, course.u, policy.k, policy.K, course.low, course.high, size
         inputs, shared = [*map(np.ascontiguousarray, arrays)], self._simulator.arm.parameters
         p = np.broadcast_to(shared, (len(size), len(shared)))
-        arms = ArmTable.of(x, u, p, self._choice.dt, marks, self._engine)
+        arms = ArmTable.of(x, u, p, self._choice.dt, flags, self._engine)
         code.engine.ilqr_follow(
             code.scene, ctypes.byref(arms), len(size), *map(address, inputs),
             address(x), *strides(x, 1), address(u), *strides(u, 1),
         )  # fmt: skip
-        return marks.of(0, len(size))
+        return flags.marked(0, len(size))
 
     def _one(self, course: Course, size: float, x: Array, u: Array) -> None:
         """Simulate an arm tick by tick through its events, x of shape (nodes + 1, nx)."""
@@ -119,5 +119,5 @@ class Forward:
         array, number = lanes.ADDRESS, lanes.NUMBER
         types = [array, number, *[array] * 8, number, array, number]
         write, unit = partial(lanes.ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
-        build = partial(lanes.built_of_lanes, write, name="ilqr_follow", types=types, units=unit)
+        build = partial(lanes.compile_lanes, write, name="ilqr_follow", types=types, units=unit)
         return widest(1 if self.eventful else None, partial(build, folders=OWN))[0]

@@ -202,7 +202,7 @@ class World:
         every = np.broadcast_to(inputs, (arms, *inputs.shape))
         p = np.array([run.p for run in runs])
         batch = Batch(np.tile(first.x0, (arms, 1)), every, p, ticks, out, effort)
-        remaining = self._rollouts.side_by_side(batch)
+        remaining = self._rollouts.run_in_lanes(batch)
         if remaining is None:
             return {}
         rows = dict[int, Row]()

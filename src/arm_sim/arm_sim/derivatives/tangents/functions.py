@@ -84,7 +84,7 @@ class TangentFunctions:
             "nstep": max(step.advance.size1_out(1) for step in self._steps),
             "na": self._acting.size1_out(1),
             "nt": self._quantities,
-            "dense_derivative": int(self.step.advance.n_out() > 2),
+            "has_dense_derivative": int(self.step.advance.n_out() > 2),
         }
 
     def source(self, lanes: int) -> str:

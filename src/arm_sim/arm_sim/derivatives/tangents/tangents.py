@@ -22,10 +22,10 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.derivatives.tangents.functions import TANGENTS, TangentFunctions
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.arm_table import ArmTable, Engine, Marks
+from arm_sim.stepping.arm_table import ArmTable, Engine, RolloutFlags
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.rollouts.lane_widths import widest
-from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, built_of_lanes
+from arm_sim.stepping.rollouts.lanes import ADDRESS, NUMBER, compile_lanes
 from arm_sim.stepping.rollouts.threads import share
 
 # Largest change of derivatives, relative to the scene's accuracy, as the parts of a step are
@@ -196,15 +196,15 @@ class Tangents:
             results are invalid: those that may meet a stop, have an event or diverge.
         """
         x, r, dt = np.ascontiguousarray(x), np.ascontiguousarray(r), self._choice.dt
-        (count, nx), k, marks = x.shape, len(self._unit), Marks(len(x))
+        (count, nx), k, flags = x.shape, len(self._unit), RolloutFlags(len(x))
         after, slopes = np.empty((count, nx)), np.empty((count, nx, k))
         unit = address(self._unit)  # by strides of zero the same for all arms and ticks
         table = ArmTable(address(x), address(r), address(p), r.shape[1], 0, 0, dt, ticks)
         columns = Columns(
-            initial=unit, held=unit + self._unit[:nx].nbytes, columns=address(slopes),
+            initial=unit, inputs=unit + self._unit[:nx].nbytes, columns=address(slopes),
             columns_arm_stride=nx * k, count=k, starts_from_identity=True,
         )  # fmt: skip
-        invalid, _ = self._propagate(table, marks, columns, after, is_first, threads, lanes)
+        invalid, _ = self._propagate(table, flags, columns, after, is_first, threads, lanes)
         return after, slopes, invalid
 
     def propagate(
@@ -227,20 +227,20 @@ class Tangents:
             columns and state are those before it.
         """
         after, columns = np.empty(arms.x.shape), arms.empty_columns(every)
-        marks = Marks(arms.count)
+        flags = RolloutFlags(arms.count)
         by_arm, by_tick = strides(columns, 2)
-        table = ArmTable.of(arms.x, arms.tau, arms.p, self._choice.dt, marks, None)
+        table = ArmTable.of(arms.x, arms.tau, arms.p, self._choice.dt, flags, None)
         table_of_columns = Columns(
             address(arms.initial), address(arms.held), address(columns), *strides(arms.initial, 1),
             *strides(arms.held, 2), by_arm, by_tick if every else 0, arms.initial.shape[-1], False,
         )  # fmt: skip
         invalid, ticks = self._propagate(
-            table, marks, table_of_columns, after, is_first, threads, lanes
+            table, flags, table_of_columns, after, is_first, threads, lanes
         )
         return columns, invalid, after, ticks
 
     def _propagate(
-        self, table: ArmTable, marks: Marks, columns: Columns, after: Array, is_first: bool,
+        self, table: ArmTable, flags: RolloutFlags, columns: Columns, after: Array, is_first: bool,
         threads: int | None, lanes: int | None,
     ) -> tuple[list[int], Counts]:  # fmt: skip
         """Call ``propagate_ticks`` of ``native/derivatives/tangent_ticks.c``.
@@ -254,7 +254,7 @@ class Tangents:
         assert code is not None  # see ``native``
         tangents, propagate_ticks = address_of(code.own, TANGENTS), code.engine.propagate_ticks
         ticks = np.zeros(0 if self.engine is None else len(after), np.int64)
-        table.unfinished, table.halted = marks.addresses
+        table.unfinished, table.halted = flags.addresses
         columns.initial_state_varied = is_first
         table.engine = None if self.engine is None else ctypes.addressof(self.engine)
         columns.ticks_before_event, columns.after = ticks.ctypes.data, address(after)
@@ -264,8 +264,8 @@ class Tangents:
                 code.scene, tangents, ctypes.byref(table), first, last, ctypes.byref(columns)
             )
 
-        share(len(after), width, threads, work, table.ticks, marks.halt)
-        return marks.of(0, len(after)), ticks
+        share(len(after), width, threads, work, table.ticks, flags.halt)
+        return flags.marked(0, len(after)), ticks
 
     @cached_property
     def native(self) -> bool:
@@ -277,7 +277,7 @@ class Tangents:
         if self._backend == "vm" or not self._functions.may_be_compiled:
             return None
         types = [ADDRESS, ADDRESS, NUMBER, NUMBER, ADDRESS]
-        code = built_of_lanes(self._functions.source, lanes, "propagate_ticks", types)
+        code = compile_lanes(self._functions.source, lanes, "propagate_ticks", types)
         if code and lanes == 1:
             code.engine.propagate_step.argtypes = [*[ADDRESS] * 7, NUMBER, ADDRESS, ADDRESS]
         return code

@@ -31,8 +31,8 @@ EXPORT const char* fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT void* fmi2Instantiate(const char* name, int type, const char* token, const char* resources,
                              const callbacks_t* callbacks, int visible, int logging) {
-  static const callbacks_t none;
-  if (!callbacks) callbacks = &none;
+  static const callbacks_t no_callbacks;
+  if (!callbacks) callbacks = &no_callbacks;
   return new_instance(type == CO_SIMULATION ? token : NULL, callbacks->environment, callbacks->logger);
 }
 
@@ -41,7 +41,7 @@ EXPORT int fmi2SetupExperiment(void* c, int has_tolerance, double tolerance, dou
   return OK;
 }
 
-EXPORT int fmi2EnterInitializationMode(void* c) { return begin(c); }
+EXPORT int fmi2EnterInitializationMode(void* c) { return begin_simulation(c); }
 
 EXPORT int fmi2GetReal(void* c, const reference_t* references, size_t count, double* values) {
   return get_values(c, references, count, values);
@@ -55,7 +55,7 @@ EXPORT int fmi2DoStep(void* c, double point, double time, int final) { return ad
 
 EXPORT int fmi2GetRealStatus(void* c, int kind, double* value) {
   if (kind != LAST_SUCCESSFUL_TIME) return fail(c, "the only status is the last successful time");
-  *value = reached(c);
+  *value = end_time(c);
   return OK;
 }
 

@@ -25,7 +25,7 @@ EXPORT void* fmi3InstantiateScheduledExecution(void) { return NULL; }
 EXPORT int fmi3EnterInitializationMode(void* c, bool has_tolerance, double tolerance, double start, bool has_stop,
                                        double stop) {
   ((instance_t*)c)->memory->start = start;
-  return begin(c);
+  return begin_simulation(c);
 }
 
 EXPORT int fmi3GetFloat64(void* c, const reference_t* references, size_t count, double* values, size_t size) {
@@ -42,7 +42,7 @@ EXPORT int fmi3DoStep(void* c, double point, double time, bool final, bool* even
   if (events) *events = false;
   if (terminate) *terminate = false;
   if (early) *early = false;
-  if (last) *last = reached(c);
+  if (last) *last = end_time(c);
   return status;
 }
 

@@ -26,8 +26,8 @@ typedef void (*log_t)(void* environment, const char* text);
 #pragma GCC diagnostic ignored "-Wunused-parameter" /* the standard says what functions take */
 #define EXPORT __attribute__((visibility("default")))
 #define ALIGNED(size) (((size) + 63) / 64 * 64)
-#define NEAR 0.5   /* ticks by which a communication point may be beside the last tick: importers add up times */
-#define CLOSE 1e-3 /* ticks by which a step may differ from whole ones: differences of large times are rounded */
+#define POINT_TOLERANCE 0.5   /* ticks by which a communication point may be beside the last tick: importers add up times */
+#define LENGTH_TOLERANCE 1e-3 /* ticks by which a step may differ from whole ones: differences of large times are rounded */
 
 /* Numbers of the variables. */
 enum {
@@ -51,8 +51,8 @@ typedef unsigned int reference_t;
 typedef struct {
   double values[VARIABLES], start;
   int64_t ticks, initialized; /* ticks since the start; whether initialization is over */
-  double held[JOINTS];  /* commands in the last step */
-  int64_t ticks_of_last_step; /* 0 if there was none */
+  double step_command[JOINTS]; /* commands in the last step */
+  int64_t ticks_of_last_step;  /* 0 if there was none */
 } memory_t;
 
 /* A unit, as the importer refers to it. */
@@ -111,13 +111,13 @@ EXPORT void FMI(FreeInstance)(void* c) {
 }
 
 /* End of the last tick in [s]. */
-static double reached(const instance_t* i) { return i->memory->start + (double)i->memory->ticks * PERIOD; }
+static double end_time(const instance_t* i) { return i->memory->start + (double)i->memory->ticks * PERIOD; }
 
 /* Read the variables that the simulation computes. */
 static void read_outputs(instance_t* i) {
   double* values = i->memory->values;
   library_sim_state(i->sim, values + POSITION, values + VELOCITY, values + EFFORT);
-  values[TIME] = reached(i);
+  values[TIME] = end_time(i);
 }
 
 static int set_parameter(instance_t* i, int k, double value) {
@@ -126,7 +126,7 @@ static int set_parameter(instance_t* i, int k, double value) {
 }
 
 /* Begin, or begin again, with the starting values; what is not given is that of the scene. */
-static int begin(instance_t* i) {
+static int begin_simulation(instance_t* i) {
   const double *values = i->memory->values, *q = values + START_POSITION, *v = values + START_VELOCITY;
   const int position_given = memcmp(q, defaults + START_POSITION, sizeof(double) * JOINTS) != 0;
   const int velocity_given = memcmp(v, defaults + START_VELOCITY, sizeof(double) * JOINTS) != 0;
@@ -140,7 +140,7 @@ static int begin(instance_t* i) {
 
 /* Read variables. */
 static int get_values(instance_t* i, const reference_t* references, size_t count, double* values) {
-  if (!i->memory->initialized && count && begin(i) != OK) return ERROR;
+  if (!i->memory->initialized && count && begin_simulation(i) != OK) return ERROR;
   for (size_t k = 0; k < count; ++k) {
     if (references[k] >= VARIABLES) return fail(i, "there is no variable with this value reference");
     values[k] = i->memory->values[references[k]];
@@ -190,16 +190,16 @@ static int apply_wrenches(instance_t* i) {
 
 /* Advance from a communication point, the end of the last tick, by a time of whole ticks. */
 static int advance(instance_t* i, double point, double time) {
-  const double misplaced = (point - reached(i)) / PERIOD, ticks = floor(time / PERIOD + 0.5);
+  const double offset = (point - end_time(i)) / PERIOD, ticks = floor(time / PERIOD + 0.5);
   char text[200];
   if (!i->memory->initialized) return fail(i, "initialization is not over");
-  if (!(fabs(misplaced) < NEAR) || !(fabs(time / PERIOD - ticks) <= CLOSE) || ticks < 1.0) {
+  if (!(fabs(offset) < POINT_TOLERANCE) || !(fabs(time / PERIOD - ticks) <= LENGTH_TOLERANCE) || ticks < 1.0) {
     snprintf(text, sizeof text, "a step from %g s by %g s; allowed: from %g s, where the last one ended, by ticks of %g s",
-             point, time, reached(i), PERIOD);
+             point, time, end_time(i), PERIOD);
     return fail(i, text);
   }
   memcpy(i->before, i->sim, library_sim_size());
-  memcpy(i->memory->held, i->memory->values + COMMAND, sizeof i->memory->held);
+  memcpy(i->memory->step_command, i->memory->values + COMMAND, sizeof i->memory->step_command);
   i->memory->ticks_of_last_step = 0;
   for (const int64_t goal = i->memory->ticks + (int64_t)ticks; i->memory->ticks < goal;) {
     if (apply_wrenches(i) != OK) return ERROR;
@@ -229,8 +229,8 @@ static int differentiate_step(instance_t* i, double* column, double* outputs) {
   double of_state[LIBRARY_STATES * VARIED], of_effort[JOINTS * VARIED], state[LIBRARY_STATES];
   memcpy(i->scratch, i->before, library_sim_size());
   for (int64_t k = 0; k < i->memory->ticks_of_last_step; ++k) {
-    int code = library_sim_sensitivities(i->scratch, i->memory->held, of_state, of_effort);
-    if (code == LIBRARY_OK) code = library_sim_step(i->scratch, i->memory->held);
+    int code = library_sim_sensitivities(i->scratch, i->memory->step_command, of_state, of_effort);
+    if (code == LIBRARY_OK) code = library_sim_step(i->scratch, i->memory->step_command);
     if (code != LIBRARY_OK) return report(i, DISCARD, library_error_text(code));
     multiply(of_state, LIBRARY_STATES, column, state);
     multiply(of_effort, JOINTS, column, outputs + 2 * JOINTS);
@@ -305,7 +305,7 @@ EXPORT int FMI(DeserializeFMUState)(void* c, const void* bytes, size_t size, voi
 
 EXPORT int FMI(ExitInitializationMode)(void* c) {
   instance_t* i = c;
-  const int status = begin(i);
+  const int status = begin_simulation(i);
   i->memory->initialized = status == OK;
   return status;
 }
@@ -317,10 +317,10 @@ EXPORT int FMI(Terminate)(void* c) { return OK; }
 
 /* Variables of a type other than numbers, of which there are none. */
 #define NO_VARIABLES(TYPE) \
-  EXPORT int FMI(Get##TYPE)(void* c, const reference_t* references, size_t count) { return none(c, count); } \
-  EXPORT int FMI(Set##TYPE)(void* c, const reference_t* references, size_t count) { return none(c, count); }
+  EXPORT int FMI(Get##TYPE)(void* c, const reference_t* references, size_t count) { return refuse_any(c, count); } \
+  EXPORT int FMI(Set##TYPE)(void* c, const reference_t* references, size_t count) { return refuse_any(c, count); }
 
-static int none(const instance_t* i, size_t count) { return count ? fail(i, "there is no variable of this type") : OK; }
+static int refuse_any(const instance_t* i, size_t count) { return count ? fail(i, "there is no variable of this type") : OK; }
 
 /* A function of the standard that this unit does not provide, as its description says. */
 #define NOT_PROVIDED(NAME) \

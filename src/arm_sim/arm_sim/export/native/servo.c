@@ -8,6 +8,9 @@
 
 #include "sim.c"
 
+/* Rows of the reference, as those of Setpoints in Python. */
+enum { TRACKS_VELOCITY, TRACKS_POSITION, POSITION, VELOCITY, EFFORT, ROWS };
+
 /* A number of a command, 0 where there is none, and whether there is one. */
 static double commanded(const double* values, int i, double* is_commanded) {
   *is_commanded = values && values[i] == values[i] ? 1.0 : 0.0;
@@ -16,12 +19,12 @@ static double commanded(const double* values, int i, double* is_commanded) {
 
 void library_sim_servo(const library_sim* sim, const double* position, const double* velocity, const double* effort,
                        double* command) {
-  double reference[5][NU], follows, added;
+  double reference[ROWS][NU], has_velocity, has_effort;
   for (int i = 0; i < NU; ++i) {
-    reference[2][i] = commanded(position, i, &reference[1][i]);
-    reference[3][i] = commanded(velocity, i, &follows);
-    reference[4][i] = commanded(effort, i, &added);
-    reference[0][i] = reference[1][i] > 0.0 ? 1.0 : follows;
+    reference[POSITION][i] = commanded(position, i, &reference[TRACKS_POSITION][i]);
+    reference[VELOCITY][i] = commanded(velocity, i, &has_velocity);
+    reference[EFFORT][i] = commanded(effort, i, &has_effort);
+    reference[TRACKS_VELOCITY][i] = reference[TRACKS_POSITION][i] > 0.0 ? 1.0 : has_velocity;
   }
   CALL(servo, (sim->x, reference[0], sim->p), (command));
 }

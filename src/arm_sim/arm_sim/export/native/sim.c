@@ -2,11 +2,11 @@
  *
  * The door of an exported library to its tick. `library` stands for the library's name.
  *
- * Required definitions: library.h, tick.h and what it needs; LIBRARY_PERIOD (length of a tick), NZ (internal states), START (the
- * scene's initial state), OF_STATE (for each internal state the number of the state that it begins with, -1: zero), TUNABLE
- * (nominal tunable numbers), OPEN (residual up to which loops are closed), AT_STOP (distance beyond a stop that is rounding,
- * relative to the position); with loops LOOPS (length of p in the generated `project`), and with drives DRIVEN and the
- * generated `torques`.
+ * Required definitions: library.h, tick.h and what it needs; LIBRARY_PERIOD (length of a tick), NZ (internal states), START
+ * (the scene's initial state), OF_STATE (for each internal state the number of the state that it begins with, -1: zero),
+ * TUNABLE (nominal tunable numbers), LOOP_TOLERANCE (residual up to which loops are closed), STOP_TOLERANCE (distance beyond
+ * a stop that is rounding, relative to the position); with loops LOOPS (length of p in the generated `project`), and with
+ * drives DRIVEN and the generated `torques`.
  */
 
 #include "library.h"
@@ -47,7 +47,7 @@ static int all_finite(const double* values, int count) {
 static int settle_on_stops(double* x) {
   for (int i = 0; scene->rigid && i < NU; ++i) {
     const double nearest = fmin(fmax(x[i], scene->rigid_stop[0][i]), scene->rigid_stop[1][i]);
-    if (fabs(x[i] - nearest) > AT_STOP * fmax(1.0, fabs(x[i]))) return 0;
+    if (fabs(x[i] - nearest) > STOP_TOLERANCE * fmax(1.0, fabs(x[i]))) return 0;
     x[i] = nearest;
   }
   return 1;
@@ -59,7 +59,7 @@ static int are_loops_closed(const struct library_sim* sim) {
   double after[2 * NU], p[LOOPS + 1], gap[2];
   for (int i = 0; i < LOOPS; ++i) p[i] = i < NP ? sim->p[i] : 0.0;
   CALL(project, (sim->x, sim->x, p), (after, gap, gap + 1));
-  return gap[0] <= OPEN && gap[1] <= OPEN;
+  return gap[0] <= LOOP_TOLERANCE && gap[1] <= LOOP_TOLERANCE;
 #else
   (void)sim;
   return 1;
@@ -117,8 +117,8 @@ static int is_same(const char* a, const char* b) {
   return *a == *b;
 }
 
-/* For the same: set a tunable number. */
-static int put(struct library_sim* sim, int place, double value) {
+/* For library_sim_set: set the tunable number at a place. */
+static int set_number(struct library_sim* sim, int place, double value) {
   if (!all_finite(&value, 1)) return LIBRARY_NOT_ALLOWED;
   sim->p[place] = value;
   return LIBRARY_OK;

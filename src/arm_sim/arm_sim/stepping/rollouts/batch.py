@@ -62,7 +62,7 @@ def states(plant: Plant, p: Array, q: Any, v: Any, names: tuple[str, str]) -> Ar
         p: Parameters, shape (np,) or (b, np).
         q: Positions, shape (b, n).
         v: Velocities, shape (b, n).
-        names: Those of both arguments.
+        names: Names of both arguments.
     """
     joints, n = plant.model.joint_names, plant.model.n
     q, v = (np.atleast_2d(vector_or_batch(*x, joints)) for x in zip(names, (q, v), strict=True))

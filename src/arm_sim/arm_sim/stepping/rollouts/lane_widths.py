@@ -17,7 +17,7 @@ def check_lanes(lanes: int | None) -> None:
 
 
 def widest(
-    lanes: int | None, code_of: Callable[[int], Compiled | None]
+    lanes: int | None, compile_for: Callable[[int], Compiled | None]
 ) -> tuple[Compiled | None, int]:
     """Code for the first number of lanes of which there is any, and that number.
 
@@ -25,11 +25,11 @@ def widest(
     elsewhere, for all processors of a level, may be of fewer lanes than fit here.
 
     Raises:
-        InvalidInput: As of ``check_lanes``.
+        InvalidInput: If the number of lanes is not allowed, see ``check_lanes``.
     """
     check_lanes(lanes)
     for width in (lanes, 1) if lanes else WIDTHS[WIDTHS.index(natural_width()) :]:
-        if (code := code_of(width)) is not None:
+        if (code := compile_for(width)) is not None:
             return code, width
     return None, 1
 

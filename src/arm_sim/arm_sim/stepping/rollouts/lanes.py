@@ -82,7 +82,7 @@ def has_unmonitored_switches(plant: Plant) -> bool:
 
 
 @one_at_a_time
-def built_of_lanes(
+def compile_lanes(
     write: Callable[[int], str], width: int, name: str, types: Sequence[type],
     units: tuple[str, ...] = (), folders: tuple[str, ...] = (),
 ) -> Compiled | None:  # fmt: skip

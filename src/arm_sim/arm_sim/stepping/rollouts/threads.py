@@ -52,7 +52,7 @@ def share(
     if own == parts:
         work(*own[0])
         return
-    futures = [_kept_threads().submit(work, *part) for part in parts[len(own) :]]
+    futures = [_thread_pool().submit(work, *part) for part in parts[len(own) :]]
     try:
         for part in own:
             work(*part)
@@ -67,9 +67,9 @@ def share(
 
 
 @cache
-def _kept_threads() -> ThreadPoolExecutor:
-    """Threads besides the calling one: those that ended their work wait for more."""
+def _thread_pool() -> ThreadPoolExecutor:
+    """Threads besides the calling one, which wait for work."""
     return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "arms")
 
 
-os.register_at_fork(after_in_child=_kept_threads.cache_clear)  # a fork has none of them
+os.register_at_fork(after_in_child=_thread_pool.cache_clear)  # a fork has none of them

@@ -8,7 +8,7 @@
 typedef struct arm {
   int (*tick)(struct arm*); /* advances by a tick: 0 if it cannot be computed, and then all is kept */
   const void* scene;
-  double *x, *command, *acted; /* state; command of the next tick; that of the last one, limits applied */
+  double *x, *command, *acted; /* state; command of the next tick; command that acted in the last tick, limits applied */
   double* notes;               /* estimated error of q, and number of time-stepped ticks */
   const double* p;             /* tunable numbers */
   double dt;                   /* length of a tick in [s] */

@@ -13,10 +13,10 @@ typedef struct {
   PyTypeObject* type;
   Py_ssize_t place[FIELDS];
   npy_intp joints, internal;
-} state_t;
+} state_class_t;
 
 /* Find the fields of the class of states: 0 with an exception if they are not slots, or NumPy cannot be used. */
-static int find_fields(PyObject* type, npy_intp joints, npy_intp internal, state_t* state) {
+static int find_fields(PyObject* type, npy_intp joints, npy_intp internal, state_class_t* state) {
   static const char* const field[FIELDS] = {"time", "step", "q", "v", "z", "error", "time_stepped"};
   if (!PyArray_API && _import_array() < 0) return 0;
   state->type = (PyTypeObject*)type;
@@ -35,8 +35,8 @@ static int find_fields(PyObject* type, npy_intp joints, npy_intp internal, state
 }
 
 /* Where a state has one of its fields. */
-static PyObject** field_of(const state_t* of, PyObject* state, int field) {
-  return (PyObject**)((char*)state + of->place[field]);
+static PyObject** field_of(const state_class_t* layout, PyObject* state, int field) {
+  return (PyObject**)((char*)state + layout->place[field]);
 }
 
 /* Read finite numbers from an array of doubles or a list of floats: 0 if it is anything else. */
@@ -46,11 +46,11 @@ static int read_numbers(PyObject* values, npy_intp count, double* to) {
     if (x) memcpy(to, x, (size_t)count * sizeof *x);
     return x != NULL;
   }
-  int plain = PyList_GET_SIZE(values) == count;
-  for (npy_intp i = 0; plain && i < count; ++i) {
+  int is_list_of_floats = PyList_GET_SIZE(values) == count;
+  for (npy_intp i = 0; is_list_of_floats && i < count; ++i) {
     PyObject* const one = PyList_GET_ITEM(values, i);
-    plain = PyFloat_CheckExact(one);
-    if (plain) to[i] = PyFloat_AS_DOUBLE(one);
+    is_list_of_floats = PyFloat_CheckExact(one);
+    if (is_list_of_floats) to[i] = PyFloat_AS_DOUBLE(one);
   }
-  return plain && all_finite(to, count);
+  return is_list_of_floats && all_finite(to, count);
 }

@@ -9,8 +9,8 @@
 /* An arm, and its states. */
 typedef struct {
   arm_t* arm;
-  state_t state;
-} stepped_t;
+  state_class_t state;
+} python_arm_t;
 
 /* A new array of numbers, to be read only. */
 static PyObject* copy_of(const double* x, npy_intp count) {
@@ -22,26 +22,26 @@ static PyObject* copy_of(const double* x, npy_intp count) {
 }
 
 /* The state after the last tick, which was the `count`-th. */
-static PyObject* state_of(const stepped_t* of, long long count) {
-  const double *x = of->arm->x, *notes = of->arm->notes;
-  const npy_intp joints = of->state.joints;
-  PyObject* const state = of->state.type->tp_alloc(of->state.type, 0);
+static PyObject* state_of(const python_arm_t* own, long long count) {
+  const double *x = own->arm->x, *notes = own->arm->notes;
+  const npy_intp joints = own->state.joints;
+  PyObject* const state = own->state.type->tp_alloc(own->state.type, 0);
   if (!state) return NULL;
   PyObject* const value[FIELDS] = {
-      PyFloat_FromDouble((double)count * of->arm->dt),
+      PyFloat_FromDouble((double)count * own->arm->dt),
       PyLong_FromLongLong(count),
       copy_of(x, joints),
       copy_of(x + joints, joints),
-      copy_of(x + 2 * joints, of->state.internal),
+      copy_of(x + 2 * joints, own->state.internal),
       PyFloat_FromDouble(notes[0]),
       PyLong_FromDouble(notes[1]),
   };
-  int whole = 1;
+  int is_complete = 1;
   for (int i = 0; i < FIELDS; ++i) {
-    *field_of(&of->state, state, i) = value[i];
-    whole &= value[i] != NULL;
+    *field_of(&own->state, state, i) = value[i];
+    is_complete &= value[i] != NULL;
   }
-  if (whole) return state;
+  if (is_complete) return state;
   Py_DECREF(state);
   return NULL;
 }
@@ -49,24 +49,24 @@ static PyObject* state_of(const stepped_t* of, long long count) {
 /* Advance by the tick after some others under a command, and return the state; False if it cannot be computed, and None if
  * the command is not plain numbers, which is left to Python. */
 static PyObject* advance(PyObject* capsule, PyObject* const* arguments, Py_ssize_t count) {
-  const stepped_t* const of = PyCapsule_GetPointer(capsule, NULL);
-  const int plain = count == 2 && read_numbers(arguments[0], of->state.joints, of->arm->command);
-  const long long before = plain ? PyLong_AsLongLong(arguments[1]) : -1;
+  const python_arm_t* const own = PyCapsule_GetPointer(capsule, NULL);
+  const int is_valid = count == 2 && read_numbers(arguments[0], own->state.joints, own->arm->command);
+  const long long before = is_valid ? PyLong_AsLongLong(arguments[1]) : -1;
   if (before < 0) { /* or too large for this type */
     PyErr_Clear();
     Py_RETURN_NONE;
   }
   PyThreadState* const thread = PyEval_SaveThread(); /* without the lock, as events may make a tick long */
-  const int computed = of->arm->tick(of->arm);
+  const int computed = own->arm->tick(own->arm);
   PyEval_RestoreThread(thread);
   if (!computed) Py_RETURN_FALSE;
-  return state_of(of, before + 1);
+  return state_of(own, before + 1);
 }
 
 /* The function for a tick of an arm; `kept` keeps its memory. */
 EXPORT PyObject* python_function(arm_t* arm, Py_ssize_t joints, Py_ssize_t internal, PyObject* state, PyObject* kept) {
   static PyMethodDef method = {"advance", (PyCFunction)(void (*)(void))advance, METH_FASTCALL, NULL};
-  stepped_t of = {.arm = arm};
-  if (!find_fields(state, joints, internal, &of.state)) return NULL;
-  return bound_function(&method, &of, sizeof of, kept);
+  python_arm_t own = {.arm = arm};
+  if (!find_fields(state, joints, internal, &own.state)) return NULL;
+  return bound_function(&method, &own, sizeof own, kept);
 }

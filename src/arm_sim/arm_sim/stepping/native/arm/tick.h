@@ -8,7 +8,7 @@
 #include "motion/report.h"
 
 #if EVENTS
-#include "events/events.h"
+#include "events/cheapest_tick.h"
 #endif
 
 /* A tick of length h from x under a command: 0 if it cannot be computed.
@@ -21,7 +21,7 @@ static int actuated_tick(const scene_t* scene, const real* x, const real* comman
                          report_t* report, real* acted, real* after) {
   CALL(scene->actuate, (x, command), (acted));
 #if EVENTS
-  if (scene->eventful) return tick(scene, x, acted, p, h, control, report, after);
+  if (scene->eventful) return cheapest_tick(scene, x, acted, p, h, control, report, after);
 #endif
   (void)report;
   return flow(scene, scene->step, scene->attempt, 0, x, acted, p, h, control, after);

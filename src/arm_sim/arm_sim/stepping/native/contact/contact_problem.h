@@ -16,14 +16,19 @@
 /* Entry of a matrix in CasADi's column-major order. */
 #define AT(matrix, rows, i, j) ((matrix)[(i) + (rows) * (j)])
 
-/* The problem of all contacts. */
+/* The problem of all contacts.
+ *
+ * W, c:              motion per force, and motion without forces
+ * friction:          coefficients of sliding friction
+ * static_friction:   coefficients of static friction
+ * mu, mu_static:     parts of both coefficients in the current continuation step
+ * sliding_direction: of contacts that slide already, two numbers each
+ * was_sliding:       whether a contact slides already
+ * is_touching:       whether a contact may transmit a force
+ */
 typedef struct {
-  const double *W, *c; /* motion per force, and motion without forces */
-  const double *friction, *holding; /* coefficients of sliding and static friction ... */
-  double *mu, *held;                /* ... and the fraction of them in the current continuation step */
-  double* direction;   /* direction of a sliding contact, two numbers each, ... */
-  double* slides;  /* ... and whether it slides */
-  double* allowed; /* whether a contact may transmit a force */
+  const double *W, *c, *friction, *static_friction;
+  double *mu, *mu_static, *sliding_direction, *was_sliding, *is_touching;
 } cones_t;
 #define CONES (6 * NC)
 
@@ -38,7 +43,7 @@ static void own_block(const scene_t* scene, const double* W, int k, double block
     for (int j = 0; j < 3; ++j) block[i][j] = AT(W, MC, 3 * k + i, 3 * k + j);
 }
 
-/* The trace of that part, a measure of the contact's mobility. */
+/* The trace of a contact's own part of W, a measure of its mobility. */
 static double own_trace(const scene_t* scene, const double* W, int k) {
   return AT(W, MC, 3 * k, 3 * k) + AT(W, MC, 3 * k + 1, 3 * k + 1) + AT(W, MC, 3 * k + 2, 3 * k + 2);
 }

@@ -8,7 +8,7 @@
 #include "contact/contact_problem.h"
 #include "contact/one_contact.h"
 
-#define SETTLED 1e-15 /* change of the forces at which sweeps end, relative to the contact's own */
+#define SWEEP_TOLERANCE 1e-15 /* change of the forces at which sweeps end, relative to the contact's own */
 
 /* Solve one contact after another (Gauss-Seidel): 1 if this converges. */
 static int sweep(const scene_t* scene, const cones_t* cones, double* r, int sweeps, answer_t* answers) {
@@ -18,7 +18,7 @@ static int sweep(const scene_t* scene, const cones_t* cones, double* r, int swee
     int settled = 1;
     for (int k = 0; k < NC; ++k) {
       change[k] = 0.0;
-      if (cones->allowed[k] == 0.0) continue;
+      if (cones->is_touching[k] == 0.0) continue;
       double others[3];
       own_block(scene, cones->W, k, block);
       for (int i = 0; i < 3; ++i) {
@@ -26,16 +26,16 @@ static int sweep(const scene_t* scene, const cones_t* cones, double* r, int swee
         for (int j = 0; j < MC; ++j)
           if (j / 3 != k) others[i] += AT(cones->W, MC, 3 * k + i, j) * r[j];
       }
-      answers[k] =
-          solve_contact(block, others, cones->mu[k], cones->held[k], cones->slides[k] != 0.0 ? cones->direction + 2 * k : 0);
+      answers[k] = solve_contact(block, others, cones->mu[k], cones->mu_static[k],
+                                 cones->was_sliding[k] != 0.0 ? cones->sliding_direction + 2 * k : 0);
       for (int i = 0; i < 3; ++i) {
         change[k] = fmax(change[k], fabs(answers[k].force[i] - r[3 * k + i]));
         r[3 * k + i] = answers[k].force[i];
       }
     }
     for (int k = 0; k < NC; ++k) {
-      settled &= change[k] == 0.0 || change[k] <= SETTLED * own_size(scene, cones, r, k);
-      settled &= answers[k].state != UNSOLVABLE || cones->slides[k] != 0.0; /* what starts to slide has a solution */
+      settled &= change[k] == 0.0 || change[k] <= SWEEP_TOLERANCE * own_size(scene, cones, r, k);
+      settled &= answers[k].state != UNSOLVABLE || cones->was_sliding[k] != 0.0; /* what starts to slide has a solution */
     }
     if (settled) return 1;
   }

@@ -14,15 +14,19 @@
 #pragma once
 #include "contact/limit_cones.h"
 
-#define ENOUGH_MARGIN -1.0   /* s below which more margin is not searched for */
-#define SET_HOLDS 1e-10      /* s up to which a set holds: that of the solution is accurate to less */
-#define CERTAIN_MARGIN -2e-9 /* s at which a set certainly holds: no smaller one is searched for */
+#define LEAST_EXCESS -1.0       /* s below which more margin is not searched for */
+#define EXCESS_ROUNDING 1e-10   /* s up to which a set holds: that of the solution is accurate to less */
+#define CERTAIN_EXCESS -2e-9    /* s at which a set certainly holds: no smaller one is searched for */
 
-/* Which parts hold together. */
+/* Which parts hold together.
+ *
+ * set:    of each part: its set of self-stresses, from 1 on; 0: none
+ * excess: of each set, at most one for each force: the s above, or a clearly negative one
+ * amount: of each part: of the motion in which its set gives way
+ * motion: of each part: direction of that motion, two numbers
+ */
 typedef struct {
-  double* set;          /* its set of self-stresses, from 1 on; 0: none */
-  double* excess;       /* of each set, at most one for each force: the s above, or a clearly negative one */
-  double *amount, *motion; /* of each part, in the motion in which its set gives way: amount, and direction in two numbers */
+  double *set, *excess, *amount, *motion;
 } indeterminate_t;
 #define INDETERMINATE (4 * PARTS + FORCES + 1)
 
@@ -32,16 +36,16 @@ static indeterminate_t indeterminate_of(const scene_t* scene, double* numbers) {
 }
 
 /* The least s of a set, or a clearly negative one; the motion in which it gives way; the amounts of its self-stresses. */
-static double find_excess(const scene_t* scene, const part_t* parts, const stresses_t* from, int number, indeterminate_t* sets,
-                          double* y) {
+static double find_excess(const scene_t* scene, const part_t* parts, const stresses_t* from, int set_number,
+                          indeterminate_t* sets, double* y) {
   double z[MOST_ROWS];
   LOCAL_LIMITS(limits);
-  begin_limits(scene, &limits, parts, from, number, 0.0, 1.0);
-  add_row(&limits, -ENOUGH_MARGIN, 0.0, 0, 1.0);
+  begin_limits(scene, &limits, parts, from, set_number, 0.0, 1.0);
+  add_row(&limits, -LEAST_EXCESS, 0.0, 0, 1.0);
   end_cone(&limits, -1, 0, 1);
   for (int j = 0; j < limits.stresses; ++j) y[j] = 0.0;
   y[limits.stresses] = 1.0 + excess_of(&limits.conic, y);
-  const double excess = least_last(scene, &limits.conic, y, z, CERTAIN_MARGIN);
+  const double excess = least_last(scene, &limits.conic, y, z, CERTAIN_EXCESS);
   for (int k = 0, i = 0; k < limits.conic.cones; i += limits.conic.size[k++]) {
     const int part = limits.part[k];
     if (part < 0) continue;
@@ -55,18 +59,18 @@ static double find_excess(const scene_t* scene, const part_t* parts, const stres
 /* Relative amount by which the limits of a part are exceeded by its own reaction. */
 static double own_excess(const part_t* part) {
   const double* r = part->force;
-  return part->sticks ? hypot(r[1], r[2]) - part->fraction * r[0] : fmax(part->least - r[0], r[0] - part->most);
+  return part->sticks ? hypot(r[1], r[2]) - part->fraction * r[0] : fmax(part->lower - r[0], r[0] - part->upper);
 }
 
 /* Whether the own reaction of a part of a set is beyond its limits. */
-static int is_beyond(const scene_t* scene, const part_t* parts, const stresses_t* stresses, int number) {
+static int is_beyond(const scene_t* scene, const part_t* parts, const stresses_t* stresses, int set_number) {
   int any = 0;
-  for (int i = 0; i < PARTS; ++i) any |= stresses->set[i] == number && own_excess(parts + i) > 0.0;
+  for (int i = 0; i < PARTS; ++i) any |= stresses->set[i] == set_number && own_excess(parts + i) > 0.0;
   return any;
 }
 
-/* Find what holds together, and whether it does, where reactions of the least norm are beyond a limit; else, or if
- * `always`, everywhere. */
+/* Find the sets that hold together, and the excess of those whose reactions of the least norm are beyond a limit; of all if
+ * `always`. */
 static void find_indeterminate(const scene_t* scene, const statics_t* statics, const part_t* parts, int always,
                                indeterminate_t* sets) {
   double y[SHARES + 1];
@@ -74,9 +78,9 @@ static void find_indeterminate(const scene_t* scene, const statics_t* statics, c
   find_stresses(scene, statics, parts, &stresses);
   clear(sets->set, INDETERMINATE);
   for (int i = 0; i < PARTS; ++i) sets->set[i] = stresses.set[i];
-  for (int number = 1; number <= stresses.count; ++number) {
-    const int beyond = always || is_beyond(scene, parts, &stresses, number);
-    sets->excess[number] = beyond ? find_excess(scene, parts, &stresses, number, sets, y) : ENOUGH_MARGIN;
+  for (int set_number = 1; set_number <= stresses.count; ++set_number) {
+    const int beyond = always || is_beyond(scene, parts, &stresses, set_number);
+    sets->excess[set_number] = beyond ? find_excess(scene, parts, &stresses, set_number, sets, y) : LEAST_EXCESS;
   }
 }
 
@@ -88,17 +92,17 @@ static void find_nearest(const scene_t* scene, const statics_t* statics, const p
   LOCAL_STRESSES(stresses);
   clear(sets.set, INDETERMINATE);
   find_stresses(scene, statics, parts, &stresses);
-  for (int number = 1; number <= stresses.count; ++number) {
+  for (int set_number = 1; set_number <= stresses.count; ++set_number) {
     double z[MOST_ROWS];
-    if (!is_beyond(scene, parts, &stresses, number)) continue;
-    if (find_excess(scene, parts, &stresses, number, &sets, y) > SET_HOLDS) continue;
+    if (!is_beyond(scene, parts, &stresses, set_number)) continue;
+    if (find_excess(scene, parts, &stresses, set_number, &sets, y) > EXCESS_ROUNDING) continue;
     LOCAL_LIMITS(limits);
-    begin_limits(scene, &limits, parts, &stresses, number, 2.0 * SET_HOLDS, 0.0);
+    begin_limits(scene, &limits, parts, &stresses, set_number, 2.0 * EXCESS_ROUNDING, 0.0);
     const int first = limits.conic.rows; /* of a cone in which the slack, to be least, bounds the length of the change */
     double* slack = y + limits.stresses;
     add_row(&limits, 0.0, 0.0, 0, 1.0);
     for (int i = 0; i < FORCES; ++i)
-      if (stresses.set[part_of(scene, i)] == number) add_row(&limits, 0.0, 1.0 / limits.unit[part_of(scene, i)], i, 0.0);
+      if (stresses.set[part_of(scene, i)] == set_number) add_row(&limits, 0.0, 1.0 / limits.unit[part_of(scene, i)], i, 0.0);
     end_cone(&limits, -1, 0, limits.conic.rows - first);
     *slack = 1.0;
     for (int i = first; i < limits.conic.rows; ++i)

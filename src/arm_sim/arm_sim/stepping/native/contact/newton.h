@@ -12,11 +12,12 @@
 #include "contact/contact_problem.h"
 #include "contact/one_contact.h"
 
-#define FORCE_STEPS 60
+#define NEWTON_STEPS 60
 #define STEP_HALVINGS 12
-#define SOLVED 1e-15  /* residual of Newton's equations, relative to the contact's own forces, ... */
-#define ROUNDED 1e-10 /* ... the same where rounding prevents that, ... */
-#define REGULAR 1e-12 /* ... and multiple of the rows' scales that keeps them regular */
+#define SUFFICIENT_DECREASE 1e-4 /* of the sum of squares, relative to a step's length (Armijo) */
+#define NEWTON_TOLERANCE 1e-15   /* residual of Newton's equations, relative to the contact's own forces */
+#define ROUNDING_TOLERANCE 1e-10 /* residual that is accepted where rounding prevents a smaller one */
+#define REGULARIZATION 1e-12     /* multiple of the rows' scales that keeps Newton's equations regular */
 
 /* Motions w = W r + c of all contacts. */
 static void find_motion(const scene_t* scene, const cones_t* cones, const double* r, double* w) {
@@ -26,9 +27,9 @@ static void find_motion(const scene_t* scene, const cones_t* cones, const double
   }
 }
 
-/* t, z and |z| of a contact at forces r and motions w, and whether it sticks. */
+/* rho, t, z and |z| of a contact at forces r and motions w, and whether it sticks. */
 typedef struct {
-  double rho, pressed, z[2], size;
+  double rho, t, z[2], size;
   int sticks;
 } projection_t;
 
@@ -37,14 +38,14 @@ static projection_t project_contact(const scene_t* scene, const cones_t* cones, 
   const double rho = 3.0 / own_trace(scene, cones->W, k), *force = r + 3 * k, *motion = w + 3 * k;
   projection_t at = {rho, force[0] - rho * motion[0], {force[1] - rho * motion[1], force[2] - rho * motion[2]}, 0.0, 0};
   at.size = hypot(at.z[0], at.z[1]);
-  at.sticks = cones->slides[k] == 0.0 && at.size <= cones->held[k] * at.pressed;
+  at.sticks = cones->was_sliding[k] == 0.0 && at.size <= cones->mu_static[k] * at.t;
   return at;
 }
 
 /* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
 static void turning_rows(const scene_t* scene, const cones_t* cones, int k, const projection_t* at, const double* regular,
                          double* J) {
-  const double mu = cones->mu[k], rho = at->rho, part = mu * at->pressed / at->size;
+  const double mu = cones->mu[k], rho = at->rho, part = mu * at->t / at->size;
   const double along[2] = {at->z[0] / at->size, at->z[1] / at->size};
   for (int j = 0; j < MC; ++j) {
     double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
@@ -69,27 +70,27 @@ static double equations(const scene_t* scene, const cones_t* cones, const double
     trace += AT(cones->W, MC, i, i);
     for (int j = 0; j < MC; ++j) J[MC * i + j] = i == j;
   }
-  for (int i = 0; i < MC; ++i) regular[i] = REGULAR * scale_of(AT(cones->W, MC, i, i), trace);
+  for (int i = 0; i < MC; ++i) regular[i] = REGULARIZATION * scale_of(AT(cones->W, MC, i, i), trace);
   for (int k = 0; k < NC; ++k) {
     const int n = 3 * k;
-    if (cones->allowed[k] == 0.0) continue;
+    if (cones->is_touching[k] == 0.0) continue;
     const projection_t at = project_contact(scene, cones, r, w, k);
-    if (at.pressed <= 0.0) continue;
+    if (at.t <= 0.0) continue;
     for (int i = n; i < (at.sticks ? n + 3 : n + 1); ++i) {
       F[i] = at.rho * w[i];
       for (int j = 0; j < MC; ++j) J[MC * i + j] = at.rho * (AT(cones->W, MC, i, j) + (i == j ? regular[i] : 0.0));
     }
     for (int i = 0; i < 2 && !at.sticks; ++i) {
-      if (cones->slides[k] != 0.0) {
-        F[n + 1 + i] = r[n + 1 + i] + cones->mu[k] * r[n] * cones->direction[2 * k + i];
-        J[MC * (n + 1 + i) + n] = cones->mu[k] * cones->direction[2 * k + i];
-      } else F[n + 1 + i] = r[n + 1 + i] - cones->mu[k] * at.pressed * at.z[i] / at.size;
+      if (cones->was_sliding[k] != 0.0) {
+        F[n + 1 + i] = r[n + 1 + i] + cones->mu[k] * r[n] * cones->sliding_direction[2 * k + i];
+        J[MC * (n + 1 + i) + n] = cones->mu[k] * cones->sliding_direction[2 * k + i];
+      } else F[n + 1 + i] = r[n + 1 + i] - cones->mu[k] * at.t * at.z[i] / at.size;
     }
-    if (!at.sticks && cones->slides[k] == 0.0) turning_rows(scene, cones, k, &at, regular, J);
+    if (!at.sticks && cones->was_sliding[k] == 0.0) turning_rows(scene, cones, k, &at, regular, J);
   }
   for (int i = 0; i < MC; ++i) {
-    const double caused = F[i] * own_trace(scene, cones->W, i / 3);
-    sum += caused * caused;
+    const double acceleration = F[i] * own_trace(scene, cones->W, i / 3);
+    sum += acceleration * acceleration;
   }
   return sum;
 }
@@ -100,13 +101,13 @@ static void read_answers(const scene_t* scene, const cones_t* cones, const doubl
   find_motion(scene, cones, r, w);
   for (int k = 0; k < NC; ++k) {
     answers[k] = apart;
-    if (cones->allowed[k] == 0.0) continue;
+    if (cones->is_touching[k] == 0.0) continue;
     const projection_t at = project_contact(scene, cones, r, w, k);
-    if (at.pressed <= 0.0) continue;
+    if (at.t <= 0.0) continue;
     for (int i = 0; i < 3; ++i) answers[k].force[i] = r[3 * k + i];
     answers[k].state = at.sticks ? STICKS : SLIDES;
     for (int i = 0; i < 2 && answers[k].state == SLIDES; ++i)
-      answers[k].direction[i] = cones->slides[k] != 0.0 ? cones->direction[2 * k + i] : -at.z[i] / at.size;
+      answers[k].direction[i] = cones->was_sliding[k] != 0.0 ? cones->sliding_direction[2 * k + i] : -at.z[i] / at.size;
   }
 }
 
@@ -128,21 +129,22 @@ static int newton(const scene_t* scene, const cones_t* cones, double* r, answer_
   for (int turn = 0, better = 1;; ++turn) {
     double length = 1.0, next = size;
     left = relative_residual(scene, cones, trial, F);
-    /* After a search without decrease only rounding is left, and ROUNDED is accepted. Its last step is taken even so. */
-    if (left <= (better ? SOLVED : ROUNDED) || turn == FORCE_STEPS) break;
+    /* After a search without decrease only rounding is left, and ROUNDING_TOLERANCE is accepted. The last step of the search
+     * is taken even so. */
+    if (left <= (better ? NEWTON_TOLERANCE : ROUNDING_TOLERANCE) || turn == NEWTON_STEPS) break;
     for (int i = 0; i < MC; ++i) step[i] = -F[i];
     if (!solve_linear(MC, J, step)) break;
     better = 0;
     for (int k = 0; k < STEP_HALVINGS && !better; ++k) {
       for (int i = 0; i < MC; ++i) after[i] = trial[i] + length * step[i];
       next = equations(scene, cones, after, F, J);
-      better = next < (1.0 - 1e-4 * length) * size;
+      better = next < (1.0 - SUFFICIENT_DECREASE * length) * size;
       length *= 0.5;
     }
     for (int i = 0; i < MC; ++i) trial[i] = after[i];
     size = next;
   }
-  if (!(left <= ROUNDED)) return 0;
+  if (!(left <= ROUNDING_TOLERANCE)) return 0;
   for (int i = 0; i < MC; ++i) r[i] = trial[i];
   read_answers(scene, cones, r, answers);
   return 1;

@@ -9,13 +9,14 @@
 #pragma once
 #include "numerics/linear.h"
 
-#define SAMPLES 32       /* intervals of directions in which a contact may start to slide */
-#define ROOT_STEPS 100   /* bisections to find the direction */
-#define LEAST_NORM 1e-8  /* fraction of the trace that regularizes a singular W; two refinements remove its effect ... */
-#define OWN_PART 1e-5    /* ... but of a row, not more than this fraction of its own mobility, which they remove as well */
-#define AHEAD 1e-12      /* motion against its direction that a sliding contact may have, relative to that without forces */
-#define TURN 6.283185307179586
-#define IMMOBILE 1e-20   /* fraction of the trace up to which a row cannot move */
+#define DIRECTION_INTERVALS 32 /* of the directions in which a contact may start to slide */
+#define ROOT_STEPS 100         /* bisections to find the direction */
+#define REFINEMENTS 2          /* steps that remove the effect of the regularization of a singular W */
+#define LEAST_NORM 1e-8        /* fraction of the trace of W that regularizes it */
+#define OWN_PART 1e-5          /* fraction of a row's own mobility that its regularization does not exceed */
+#define BACKWARD_ROUNDING 1e-12 /* motion against its direction of a sliding contact, relative to that without forces */
+#define FULL_CIRCLE 6.283185307179586
+#define IMMOBILE 1e-20 /* fraction of the trace up to which a row cannot move */
 
 /* State of a contact. */
 enum contact_state { APART, SLIDES, STICKS, UNSOLVABLE };
@@ -50,7 +51,7 @@ static double scale_of(double mobility, double trace) {
 static void sticking_force(double W[3][3], const double* c, double* r) {
   const double trace = W[0][0] + W[1][1] + W[2][2];
   for (int i = 0; i < 3; ++i) r[i] = 0.0;
-  for (int turn = 0; turn < 3; ++turn) {
+  for (int pass = 0; pass <= REFINEMENTS; ++pass) {
     double damped[9], step[3];
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) damped[3 * i + j] = W[i][j] + (i == j ? LEAST_NORM * scale_of(W[i][i], trace) : 0.0);
@@ -67,7 +68,7 @@ static void sliding_motion(double W[3][3], const double* c, double mu, double d0
   for (int i = 0; i < 2; ++i) w[i] = grip * c[1 + i] - c[0] * (W[1 + i][0] - mu * (W[1 + i][1] * d0 + W[1 + i][2] * d1));
 }
 
-/* Its component perpendicular to the sliding direction. */
+/* The component of sliding_motion perpendicular to the sliding direction. */
 static double perpendicular(double W[3][3], const double* c, double mu, double angle) {
   const double d0 = cos(angle), d1 = sin(angle);
   double w[2];
@@ -75,13 +76,13 @@ static double perpendicular(double W[3][3], const double* c, double mu, double a
   return d0 * w[1] - d1 * w[0];
 }
 
-/* The derivative of that by the angle. */
+/* The derivative of `perpendicular` by the angle. */
 static double perpendicular_slope(double W[3][3], const double* c, double mu, double angle) {
   const double d0 = cos(angle), d1 = sin(angle), change = mu * (W[0][1] * d1 - W[0][2] * d0);
-  double w[2], turned[2];
+  double w[2], w_slope[2];
   sliding_motion(W, c, mu, d0, d1, w);
-  for (int i = 0; i < 2; ++i) turned[i] = change * c[1 + i] - c[0] * mu * (W[1 + i][1] * d1 - W[1 + i][2] * d0);
-  return d0 * (turned[1] - w[0]) - d1 * (turned[0] + w[1]);
+  for (int i = 0; i < 2; ++i) w_slope[i] = change * c[1 + i] - c[0] * mu * (W[1 + i][1] * d1 - W[1 + i][2] * d0);
+  return d0 * (w_slope[1] - w[0]) - d1 * (w_slope[0] + w[1]);
 }
 
 /* The angle between `low` and `high` at which a function of it changes its sign. */
@@ -97,10 +98,10 @@ static double root_of(double (*function)(double W[3][3], const double* c, double
   return 0.5 * (low + high);
 }
 
-/* The root in an interval, if there is one: its force if that is a solution. Of several, that which dissipates the most is taken:
- * `most` is the largest power so far, without the factor mu. */
+/* The root in an interval, if there is one: its force if that is a solution. Of several roots, that which dissipates the most
+ * is taken: `largest_power` is that of the earlier ones, without the factor mu. */
 static void try_interval(double W[3][3], const double* c, double mu, double low, double high, double f_low, double f_high,
-                         double* most, answer_t* answer) {
+                         double* largest_power, answer_t* answer) {
   if (f_low != 0.0 && !(f_low * f_high < 0.0)) return;
   const double root = f_low == 0.0 ? low : root_of(perpendicular, W, c, mu, low, high, f_low);
   const double d0 = cos(root), d1 = sin(root), grip = grip_of(W, mu, d0, d1);
@@ -113,34 +114,35 @@ static void try_interval(double W[3][3], const double* c, double mu, double low,
     for (int j = 0; j < 3; ++j) w += W[i][j] * trial.force[j];
     along += trial.direction[i - 1] * w;
   }
-  if (along * trial.force[0] > *most && along >= -AHEAD * fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])))) {
-    *most = along * trial.force[0];
+  if (along * trial.force[0] > *largest_power
+      && along >= -BACKWARD_ROUNDING * fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])))) {
+    *largest_power = along * trial.force[0];
     *answer = trial;
   }
 }
 
 /* The direction in which the point starts to slide: w_t is along it under the resulting force. */
 static void start_to_slide(double W[3][3], const double* c, double mu, answer_t* answer) {
-  double most = -INFINITY, angle[SAMPLES + 1], f[SAMPLES + 1];
+  double largest_power = -INFINITY, angle[DIRECTION_INTERVALS + 1], f[DIRECTION_INTERVALS + 1];
   answer->state = UNSOLVABLE;
-  for (int k = 0; k <= SAMPLES; ++k) {
-    angle[k] = TURN * k / SAMPLES;
+  for (int k = 0; k <= DIRECTION_INTERVALS; ++k) {
+    angle[k] = FULL_CIRCLE * k / DIRECTION_INTERVALS;
     f[k] = perpendicular(W, c, mu, angle[k]);
-    if (k) try_interval(W, c, mu, angle[k - 1], angle[k], f[k - 1], f[k], &most, answer);
+    if (k) try_interval(W, c, mu, angle[k - 1], angle[k], f[k - 1], f[k], &largest_power, answer);
   }
   /* Two roots in one interval have an extremum between them. */
-  for (int k = 0; k < SAMPLES && answer->state == UNSOLVABLE; ++k) {
+  for (int k = 0; k < DIRECTION_INTERVALS && answer->state == UNSOLVABLE; ++k) {
     const double slope = perpendicular_slope(W, c, mu, angle[k]);
     if (!(f[k] * slope < 0.0 && f[k] * perpendicular_slope(W, c, mu, angle[k + 1]) > 0.0)) continue;
     const double middle = root_of(perpendicular_slope, W, c, mu, angle[k], angle[k + 1], slope);
     const double extremum = perpendicular(W, c, mu, middle);
-    try_interval(W, c, mu, angle[k], middle, f[k], extremum, &most, answer);
-    try_interval(W, c, mu, middle, angle[k + 1], extremum, f[k + 1], &most, answer);
+    try_interval(W, c, mu, angle[k], middle, f[k], extremum, &largest_power, answer);
+    try_interval(W, c, mu, middle, angle[k + 1], extremum, f[k + 1], &largest_power, answer);
   }
 }
 
-/* Solve for one contact, which sticks up to `held`; `direction` is that of a sliding one, else null. */
-static answer_t solve_contact(double W[3][3], const double* c, double mu, double held, const double* direction) {
+/* Solve for one contact, which sticks up to `mu_static`; `direction` is that of a sliding one, else null. */
+static answer_t solve_contact(double W[3][3], const double* c, double mu, double mu_static, const double* direction) {
   answer_t answer;
   answer = apart; /* no initializer, of which Clang may make memset: exported code calls none */
   if (c[0] >= 0.0) return answer;
@@ -152,7 +154,7 @@ static answer_t solve_contact(double W[3][3], const double* c, double mu, double
   }
   double r[3];
   sticking_force(W, c, r);
-  if (hypot(r[1], r[2]) <= held * r[0]) {
+  if (hypot(r[1], r[2]) <= mu_static * r[0]) {
     answer.state = STICKS;
     for (int i = 0; i < 3; ++i) answer.force[i] = r[i];
     return answer;

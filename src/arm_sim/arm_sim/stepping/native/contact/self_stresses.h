@@ -4,19 +4,19 @@
  */
 
 #pragma once
-#include "contact/friction_cones.h"
+#include "contact/several_contacts.h"
 #include "numerics/linear.h"
 
 #define PARTS (NU + NC)         /* joints, then contacts */
 #define FORCES (MC + NU)        /* reactions: those of contacts, then those of joints */
 #define SHARES (NM + FORCES)    /* forces of constraints, and reactions */
-#define CANCELS 1e-12 /* entry of a self-stress, or column of the balance, that is rounding, relative to the largest */
+#define CANCELLATION 1e-12 /* entry of a self-stress, or column of the balance, that is rounding, relative to the largest */
 
 /* The balance of forces at a state. */
 typedef struct {
   real* push;     /* joint torques per force of a constraint, and per unknown force of a contact */
-  real* reaction; /* holding torques of the least norm, ... */
-  real* capacity; /* ... and the largest that dry friction bears, pushed forwards and backwards */
+  real* reaction; /* holding torques of the least norm */
+  real* capacity; /* largest holding torques that dry friction bears, pushed forwards and backwards */
   real* drift;    /* accelerations of the constraints' rows without acceleration of the joints */
 } statics_t;
 #define STATICS (NU * (NM + MC) + 3 * NU + NM)
@@ -29,13 +29,16 @@ static statics_t statics_of(const scene_t* scene, real* numbers) {
 
 /* A part: a joint or contact that is held, a contact that only presses, or none of these.
  *
- * force:    reaction: of a contact as in loads_t, of a joint its holding torque and nothing else.
- * least:    lower bound of the holding torque, or of the normal force; `most` the upper one.
- * fraction: of its normal force, up to which a contact sticks.
+ * held:     whether it is a joint or contact that is held, or a contact that only presses
+ * sticks:   whether it is a contact that sticks
+ * force:    reaction: of a contact as in loads_t, of a joint its holding torque and nothing else
+ * lower:    lower bound of the holding torque, or of the normal force
+ * upper:    upper bound of the holding torque, or of the normal force
+ * fraction: of its normal force, up to which a contact sticks
  */
 typedef struct {
   int held, sticks;
-  double force[3], least, most, fraction;
+  double force[3], lower, upper, fraction;
 } part_t;
 static const part_t loose = {0, 0, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
 
@@ -66,7 +69,7 @@ static void scale_columns(const scene_t* scene, const statics_t* statics, const 
     widest = fmax(widest, size[j]);
   }
   for (int j = 0; j < SHARES; ++j) {
-    if (size[j] <= CANCELS * widest) size[j] = 0.0;
+    if (size[j] <= CANCELLATION * widest) size[j] = 0.0;
     for (int i = 0; i < NU; ++i) T[SHARES * i + j] = size[j] > 0.0 ? T[SHARES * i + j] / size[j] : 0.0;
   }
 }
@@ -76,8 +79,8 @@ static void relabel(int* labels, int count, int from, int to) {
     if (labels[k] == from) labels[k] = to;
 }
 
-/* Number the sets of parts that share self-stresses: each is numbered as the last of its stresses, which takes over those that
- * it meets. */
+/* Number the sets of parts that share self-stresses: each is numbered as the last of its stresses, which takes over the sets
+ * that it meets. */
 static void find_sets(const scene_t* scene, stresses_t* stresses) {
   for (int i = 0; i < PARTS; ++i) stresses->set[i] = 0;
   for (int j = 0; j < stresses->count; ++j) {
@@ -112,7 +115,8 @@ static void find_stresses(const scene_t* scene, const statics_t* statics, const 
     for (int i = 0; i < FORCES; ++i) stress[i] = 0.0;
     stress[j - NM] = 1.0 / size[j];
     for (int i = 0; i < NU; ++i)
-      if (basic[i] >= NM && fabs(T[SHARES * i + j]) > CANCELS) stress[basic[i] - NM] = -T[SHARES * i + j] / size[basic[i]];
+      if (basic[i] >= NM && fabs(T[SHARES * i + j]) > CANCELLATION)
+        stress[basic[i] - NM] = -T[SHARES * i + j] / size[basic[i]];
   }
   find_sets(scene, stresses);
 }

@@ -8,34 +8,35 @@
 /* What is kept of a tick: its state before, the ends of its motion, and its modes. */
 typedef struct {
   double *x, *begin, *end, *p;
-} kept_t;
-#define KEPT (3 * NX + P_LENGTH)
+} tick_motion_t;
+#define TICK_MOTION (3 * NX + P_LENGTH)
 
-static kept_t kept_of(const scene_t* scene, double* motion, long long tick) {
-  double* numbers = motion + tick * KEPT;
-  kept_t kept = {numbers, numbers + NX, numbers + 2 * NX, numbers + 3 * NX};
+static tick_motion_t tick_motion_of(const scene_t* scene, double* motion, long long tick) {
+  double* numbers = motion + tick * TICK_MOTION;
+  tick_motion_t kept = {numbers, numbers + NX, numbers + 2 * NX, numbers + 3 * NX};
   return kept;
 }
 
 /* How many numbers are kept of a tick. */
-EXPORTED long long numbers_kept(const scene_t* scene) { return KEPT; }
+EXPORTED long long numbers_per_tick(const scene_t* scene) { return TICK_MOTION; }
 
-/* Make ticks under the commands tau, a row for each, up to the first that has an event: their number. `starts`: whether the
- * state at the beginning is itself varied; `after` receives that at the end. */
+/* Make ticks under the commands tau, a row for each, up to the first that has an event: their number. `state_varied`: whether
+ * the first state is itself varied; `after` receives the last state. */
 EXPORTED long long event_free_motion(const scene_t* scene, const double* x0, const double* tau, const double* p, double h,
-                                     long long ticks, const engine_t* engine, int starts, double* motion, double* after) {
+                                     long long ticks, const engine_t* engine, int state_varied, double* motion,
+                                     double* after) {
   copy(after, x0, NX);
   for (long long k = 0; k < ticks; ++k) {
     real u[NU];
-    LOCAL_PREDICTIONS(begun);
+    LOCAL_PREDICTIONS(prediction);
     LOCAL(event_free_lanes_t, tick, event_free_lanes_of, EVENT_FREE_LANES);
     real place[PLACES + 1];
     int event_free = 1;
     CALL(scene->acting, (after, tau + k * NU), (u));
-    begin_ticks(scene, after, u, p, &h, begun, place);
-    make_event_free(scene, begun, after, u, engine, starts && !k, &event_free, &tick);
+    begin_ticks(scene, after, u, p, &h, prediction, place);
+    make_event_free(scene, prediction, after, u, engine, state_varied && !k, &event_free, &tick);
     if (!event_free) return k;
-    const kept_t kept = kept_of(scene, motion, k);
+    const tick_motion_t kept = tick_motion_of(scene, motion, k);
     copy(kept.x, after, NX);
     copy(kept.begin, tick.begin, NX);
     copy(kept.end, tick.end, NX);
@@ -55,7 +56,7 @@ EXPORTED long long event_free_motion(const scene_t* scene, const double* x0, con
 EXPORTED void event_free_gradient(const scene_t* scene, double* motion, const double* tau, double h, long long ticks,
                                   const double* g, double* weight, double* by_tau, double* by_p) {
   for (long long k = ticks - 1; k >= 0; --k) {
-    const kept_t tick = kept_of(scene, motion, k);
+    const tick_motion_t tick = tick_motion_of(scene, motion, k);
     real u[NU], back[NX], by_begin[NX], by_end[NX], more[NX], of_u[NU], of_p[NP + 1], coefficients[NBEGIN + NEND + 1];
     clear(by_begin, NX);
     CALL(scene->acting, (tick.x, tau + k * NU), (u));

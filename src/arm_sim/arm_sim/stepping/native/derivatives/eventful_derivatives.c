@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Derivatives of a tick across its events: those of the smooth segments that the engine has traced, times those of the events
- * between them. See derivatives/linearization.py.
+ * between them (saltation matrices). See derivatives/linearization.py.
  */
 
 #include "arm/traced_tick.h"
@@ -10,27 +10,26 @@
 #include "derivatives/rest_stability.h"
 #include "derivatives/tangents.h"
 
-#define SATISFIED 1e-12 /* change of a state by closing contacts that were closed to rounding */
-
-/* What the engine does not know: its own scene, whose ticks are traced; a smooth step with NX + NW + 1 rows of columns, by x,
- * what is held, and its length; and derivatives of a segment's end by its beginning, the end itself, and tunable quantities,
- * each column by column with 2 NU rows, wherever the end is. */
+/* What the engine does not know. */
 typedef struct {
-  const scene_t* traced;
-  const scene_t* stepped;
-  const tangents_t* tangents;
+  const scene_t* tick_scene;  /* scene of the engine, whose ticks are traced */
+  const scene_t* step_scene;  /* scene of propagate_step */
+  const tangents_t* tangents; /* functions of propagate_step */
+  /* A smooth step and its columns of tangents, NX + NW + 1 rows: by x, command and tunable quantities, and its length. */
   void (*propagate_step)(const scene_t* scene, const tangents_t* tangents, const double* x, const double* u, const double* p,
                          const double* h, const double* columns_before, long long count, double* after, double* columns);
-  void (*close)(const double* end, const double* p, const double* begin, double* slopes);
+  /* Derivatives of a segment's closed end, wherever its end is: by its beginning, by its end, and by tunable quantities, each
+   * column by column with 2 NU rows. */
+  void (*differentiate_closing)(const double* end, const double* p, const double* begin, double* slopes);
 } helpers_t;
 
-/* Numbers in a segment that is recorded. */
+/* Numbers in the arrays of a recorded segment. */
 EXPORTED long long numbers_recorded(const scene_t* scene) { return RECORD; }
 
-/* Bytes of what describes a segment besides. */
+/* Bytes of a recorded segment without its arrays. */
 EXPORTED long long bytes_of_record(void) { return sizeof(record_t); }
 
-/* A motion and its derivatives, and those of the time that has passed. */
+/* A motion: its state, the derivatives of the state, and the derivative of the event's time. */
 typedef struct {
   real *all, *x, *slope, *delay;
 } motion_t;
@@ -44,7 +43,7 @@ static motion_t motion_of(const scene_t* scene, real* numbers) {
 /* The derivatives of a motion by rows. */
 #define ROWS(motion) ((real(*)[NV])(motion)->slope)
 
-/* A contact that starts to slide, or comes to rest without turning: there a small lateral force changes the direction
+/* Refuse a contact that starts to slide, or comes to rest without turning: there a small lateral force changes the direction
  * arbitrarily fast. */
 static enum refusal check_sliding(const scene_t* scene, const tick_t* tick, const record_t* segment,
                                   const record_t* following) {
@@ -52,38 +51,38 @@ static enum refusal check_sliding(const scene_t* scene, const tick_t* tick, cons
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t *mode = segment->p.contact + k, *next = following->p.contact + k;
     if (mode->closed == 0.0 || mode->sticks != 0.0 || !(scene->friction[k] > 0.0)) continue;
-    CALL(scene->contact_geometry, (segment->end), (place, speed, size));
-    const int stops = next->sticks != 0.0 && hypot(speed[3 * k + 1], speed[3 * k + 2]) <= scene->slowest;
-    if (mode->fixed == 0.0 && !stops) continue;
-    CALL(scene->across, (segment->begin, tick->u, segment->p.all), (mobility));
-    if (mobility[k] > 0.0) return refuse(tick, stops ? STOPS_STRAIGHT : STARTS_TO_SLIDE, k);
+    CALL(scene->contact_geometry, (segment->motion_end), (place, speed, size));
+    const int comes_to_rest = next->sticks != 0.0 && hypot(speed[3 * k + 1], speed[3 * k + 2]) <= scene->slowest;
+    if (mode->fixed == 0.0 && !comes_to_rest) continue;
+    CALL(scene->across, (segment->motion_begin, tick->u, segment->p.all), (mobility));
+    if (mobility[k] > 0.0) return refuse(tick, comes_to_rest ? STOPS_STRAIGHT : STARTS_TO_SLIDE, k);
   }
   return NO_REFUSAL;
 }
 
-/* Take the derivatives of the end of a segment onto closed contacts and the anchors of sticking ones; `begun` are those of its
- * beginning. Where the end does not satisfy them yet, the projection itself is differentiated. */
-static void close_end(const scene_t* scene, const helpers_t* helpers, const record_t* segment, const real (*begun)[NV],
+/* Take the derivatives of the end of a segment onto closed contacts and the anchors of sticking ones; `at_begin` are those of
+ * its beginning. Where the end does not satisfy them yet, the projection itself is differentiated. */
+static void close_end(const scene_t* scene, const helpers_t* helpers, const record_t* segment, const real (*at_begin)[NV],
                       motion_t* motion) {
   real slopes[2 * NU * (4 * NU + NT)];
   real *by_begin = slopes, *by_end = slopes + 2 * NU * 2 * NU, *by_p = by_end + 2 * NU * 2 * NU;
   clear(slopes, 2 * NU * (4 * NU + NT));
-  if (segment->closing_change < SATISFIED)
-    CALL(scene->closing, (segment->begin, motion->x, segment->p.all), (by_begin, by_end));
-  else helpers->close(motion->x, segment->p.all, segment->begin, slopes);
+  if (segment->closing_change < CLOSING_ROUNDING)
+    CALL(scene->closing, (segment->motion_begin, motion->x, segment->p.all), (by_begin, by_end));
+  else helpers->differentiate_closing(motion->x, segment->p.all, segment->motion_begin, slopes);
   multiply_rows(scene, 2 * NU, by_end, ROWS(motion));
-  add_product(scene, 2 * NU, 2 * NU, by_begin, begun, ROWS(motion));
+  add_product(scene, 2 * NU, 2 * NU, by_begin, at_begin, ROWS(motion));
   for (int i = 0; i < 2 * NU; ++i)
     for (int j = 0; j < NT; ++j) ROWS(motion)[i][NX + NU + j] += by_p[j * 2 * NU + i];
 }
 
 /* Refuse a tick that begins or ends with an event, or on the boundary of a mode. */
-static enum refusal check_ends(const scene_t* scene, const tick_t* tick, const trace_t* trace, int begins) {
+static enum refusal check_ends(const scene_t* scene, const tick_t* tick, const trace_t* trace, int state_varied) {
   const record_t *first = trace->records, *last = first + trace->count - 1;
   if (first->has_impact) return BEGINS_WITH_IMPACT;
-  if (find_boundaries(scene, first->begin, tick, first)) return BEGINS_ON_BOUNDARY;
-  if (find_boundaries(scene, last->end, tick, last)) return ENDS_ON_BOUNDARY;
-  enum refusal refused = check_rest(scene, tick, first, begins);
+  if (find_boundaries(scene, first->motion_begin, tick, first)) return BEGINS_ON_BOUNDARY;
+  if (find_boundaries(scene, last->motion_end, tick, last)) return ENDS_ON_BOUNDARY;
+  enum refusal refused = check_rest(scene, tick, first, state_varied);
   for (const record_t* each = first; NC && each <= last && !refused; ++each)
     refused = check_sliding(scene, tick, each, each < last ? each + 1 : each);
   return refused;
@@ -94,11 +93,11 @@ static enum refusal begin_motion(const scene_t* scene, const tick_t* tick, const
   const enum refusal refused =
       (NC || scene->rigid) && segment->has_impact ? pass_impact(scene, tick, segment, ROWS(motion)) : NO_REFUSAL;
   if (refused) return refused;
-  copy(motion->x, segment->begin, NX);
-  if (NK) lead_back(scene, tick, segment, ROWS(motion));
-  real matrix[NX * NX];
+  copy(motion->x, segment->motion_begin, NX);
+  if (NK) lead_back_to_switches(scene, tick, segment, ROWS(motion));
   if (all_moves(scene, segment->p.all)) return NO_REFUSAL;
-  CALL(scene->at_rest, (segment->begin, tick->u, segment->p.all), (matrix));
+  real matrix[NX * NX];
+  CALL(scene->at_rest, (segment->motion_begin, tick->u, segment->p.all), (matrix));
   multiply_rows(scene, NX, matrix, ROWS(motion));
   return NO_REFUSAL;
 }
@@ -112,7 +111,7 @@ static void take_steps(const scene_t* scene, const helpers_t* helpers, const tic
     for (int i = 0; i < NX; ++i) copy(before[i], ROWS(motion)[i], NV);
     for (int i = NX; i <= NV; ++i) before[i][i] = 1.0;
     copy(x, motion->x, NX);
-    helpers->propagate_step(helpers->stepped, helpers->tangents, x, tick->u, segment->p.all, steps + k, before[0], NV + 1,
+    helpers->propagate_step(helpers->step_scene, helpers->tangents, x, tick->u, segment->p.all, steps + k, before[0], NV + 1,
                             motion->x, moved[0]);
     for (int i = 0; i < NX; ++i) {
       copy(ROWS(motion)[i], moved[i], NV);
@@ -124,10 +123,10 @@ static void take_steps(const scene_t* scene, const helpers_t* helpers, const tic
 /* Move over a segment and the events that begin and end it; `last`: whether it is that of the tick. */
 static enum refusal pass_segment(const scene_t* scene, const helpers_t* helpers, const tick_t* tick, const record_t* segment,
                                  const double* steps, int last, motion_t* motion) {
-  real begun[NX][NV], speed[NX], delay[NV];
+  real at_begin[NX][NV], speed[NX], delay[NV];
   enum refusal refused = begin_motion(scene, tick, segment, motion);
   if (refused) return refused;
-  memcpy(begun, motion->slope, sizeof begun);
+  memcpy(at_begin, motion->slope, sizeof at_begin);
   memset(speed, 0, sizeof speed);
   memset(delay, 0, sizeof delay);
   take_steps(scene, helpers, tick, segment, steps, motion, speed);
@@ -137,7 +136,7 @@ static enum refusal pass_segment(const scene_t* scene, const helpers_t* helpers,
   for (int i = 0; i < NX; ++i)
     for (int j = 0; j < NV; ++j) ROWS(motion)[i][j] += speed[i] * delay[j];
   for (int j = 0; j < NV; ++j) motion->delay[j] += delay[j];
-  if (any_closed(scene, segment->p.all)) close_end(scene, helpers, segment, (const real(*)[NV])begun, motion);
+  if (any_closed(scene, segment->p.all)) close_end(scene, helpers, segment, (const real(*)[NV])at_begin, motion);
   return refused;
 }
 
@@ -152,18 +151,18 @@ static void pass_limits(const scene_t* scene, const motion_t* motion, const real
   }
 }
 
-/* Make a tick of length h from x under the command r and differentiate it: why that is not possible, enum refusal.
+/* Make a tick of length h from x under the command r and differentiate it: NO_REFUSAL, or why that is not possible.
  *
- * control:  error control, or null; it advances.
- * strict:   whether to refuse a tick that begins or ends on the boundary of a mode.
- * begins:   whether the state is itself varied, see rest_stability.h.
- * trace:    room for its segments and steps.
- * subjects: receives how many and what a refusal is about, 1 + NG numbers.
- * after:    receives the state at the end.
- * slope:    receives derivatives, NX rows of NV, or null.
+ * control:      error control, or null; it advances.
+ * strict:       whether to refuse a tick that begins or ends on the boundary of a mode.
+ * state_varied: whether the state is itself varied, see rest_stability.h.
+ * trace:        room for its segments and steps.
+ * subjects:     receives how many and what a refusal is about, 1 + NG numbers.
+ * after:        receives the state at the end.
+ * slope:        receives derivatives, NX rows of NV, or null.
  */
 EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const double* x, const double* r, const double* p,
-                           double h, control_t* control, int strict, int begins, trace_t* trace, long long* subjects,
+                           double h, control_t* control, int strict, int state_varied, trace_t* trace, long long* subjects,
                            double* after, double* slope) {
   real u[NU], u_x[NU * NX], u_r[NU * NU];
   const tick_t tick = {u, h, subjects};
@@ -171,12 +170,12 @@ EXPORTED int differentiate(const scene_t* scene, const helpers_t* helpers, const
   enum refusal refused = NO_REFUSAL;
   subjects[0] = trace->count = trace->step_count = trace->time_stepped = 0;
   CALL(scene->acting, (x, r), (u, u_x, u_r));
-  if (!trace_tick(helpers->traced, x, u, p, h, control, trace, after) || trace->step_count > trace->most_steps)
-    return DIVERGES;
-  if (trace->time_stepped || trace->count > trace->most) return ACCUMULATE;
+  if (!trace_tick(helpers->tick_scene, x, u, p, h, control, trace, after)) return DIVERGES;
+  if (trace->time_stepped || trace->count > trace->capacity) return ACCUMULATE;
+  if (trace->step_count > trace->step_capacity) return TOO_MANY_STEPS;
   if (!within_reach(scene, after)) return DIVERGES;
   if (!slope) return NO_REFUSAL;
-  if (strict) refused = check_ends(scene, &tick, trace, begins);
+  if (strict) refused = check_ends(scene, &tick, trace, state_varied);
   clear(motion.all, MOTION);
   for (int i = 0; i < NX; ++i) ROWS(&motion)[i][i] = 1.0;
   const double* steps = trace->steps;

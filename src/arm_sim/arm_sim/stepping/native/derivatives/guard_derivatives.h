@@ -6,11 +6,11 @@
 #pragma once
 #include "derivatives/sensitivities.h"
 
-#define INSTANT 1e-9    /* fraction of a tick within which a guard that reaches zero is zero */
-#define TERMS 1e-12     /* fraction of its terms below which a guard is zero */
-#define DIFFERENT 1e-9  /* relative difference of slopes that is none */
-#define GRAZING 1e-4    /* rate of a guard that grazes zero, relative to that at the beginning */
-#define SAME_EVENT 1e-9 /* relative difference of the derivatives of an instant that is none */
+#define TIME_ROUNDING 1e-9   /* fraction of a tick within which a guard that reaches zero is zero */
+#define TERM_ROUNDING 1e-12  /* fraction of its terms below which a guard is zero */
+#define SLOPE_ROUNDING 1e-9  /* relative difference of slopes that is none */
+#define GRAZING_RATE 1e-4    /* rate of a guard that grazes zero, relative to that at the beginning */
+#define DELAY_ROUNDING 1e-9  /* relative difference of the derivatives of an event's time that is none */
 
 /* All guards at a state: their values, the magnitudes of their terms, their rates, 1 where they are active in the modes; and
  * the accelerations of the joints. */
@@ -30,11 +30,11 @@ static void find_guards(const scene_t* scene, const real* x, const tick_t* tick,
 
 /* Whether a guard is zero, or passes zero within an instant. */
 static int is_near(const guards_t* at, int i, double h) {
-  return fabs(at->value[i]) <= INSTANT * h * fabs(at->rate[i]) + TERMS * at->size[i];
+  return fabs(at->value[i]) <= TIME_ROUNDING * h * fabs(at->rate[i]) + TERM_ROUNDING * at->size[i];
 }
 
 /* Whether a guard hardly changes in a tick. */
-static int stays(const guards_t* at, int i, double h) { return !(fabs(at->rate[i]) * h > TERMS * at->size[i]); }
+static int is_steady(const guards_t* at, int i, double h) { return !(fabs(at->rate[i]) * h > TERM_ROUNDING * at->size[i]); }
 
 /* Whether a loop holds a joint in a sliding mode at rest because other joints stick. */
 static int is_carried(const scene_t* scene, const guards_t* at, const real* x, const record_t* segment, int joint) {
@@ -48,7 +48,7 @@ static int find_zero(const scene_t* scene, const guards_t* at, const real* x, co
   for (int i = 0; i < NG; ++i) {
     const int joint = i - 2 * NC;
     if (!is_near(at, i, tick->length) || !(at->active[i] > 0.0)) continue;
-    if (i >= NG - NK && stays(at, i, tick->length)) continue;
+    if (i >= NG - NK && is_steady(at, i, tick->length)) continue;
     if (joint >= 0 && joint < NU && is_carried(scene, at, x, segment, joint)) continue;
     tick->subjects[++count] = i;
   }
@@ -63,7 +63,7 @@ static int are_different(const real* a, const real* b, int count) {
     most = fmax(most, fabs(a[i] - b[i]));
     size = fmax(size, fabs(a[i]) + fabs(b[i]));
   }
-  return most > DIFFERENT * size;
+  return most > SLOPE_ROUNDING * size;
 }
 
 /* x' and its derivatives on both sides of a switch. */
@@ -78,12 +78,12 @@ static void find_sides(const scene_t* scene, int number, const real* x, const ti
 
 /* Whether a switch that is near is a boundary: not one that does not change the slopes, and none at which both sides lead
  * back, such as that of a current at its limit. One that stays at zero is. */
-static int divides(const scene_t* scene, int number, const guards_t* at, const real* x, const tick_t* tick,
-                   const record_t* segment) {
+static int is_boundary(const scene_t* scene, int number, const guards_t* at, const real* x, const tick_t* tick,
+                       const record_t* segment) {
   real slope[2][NX], by[2][NX * (NX + NU)];
   find_sides(scene, number, x, tick, segment, slope, by);
   const int jumps = are_different(slope[0], slope[1], NX), bends = are_different(by[0], by[1], NX * (NX + NU));
-  return jumps ? !stays(at, NG - NK + number, tick->length) : bends;
+  return jumps ? !is_steady(at, NG - NK + number, tick->length) : bends;
 }
 
 /* Guards that are zero, and on whose sides motions change differently; their number. */
@@ -94,13 +94,14 @@ static int find_boundaries(const scene_t* scene, const real* x, const tick_t* ti
   const int zero = find_zero(scene, &at, x, tick, segment);
   while (count < zero && tick->subjects[count + 1] < NG - NK) ++count;
   for (int k = 0; k < NK; ++k)
-    if (is_near(&at, NG - NK + k, tick->length) && at.active[NG - NK + k] > 0.0 && divides(scene, k, &at, x, tick, segment))
+    if (is_near(&at, NG - NK + k, tick->length) && at.active[NG - NK + k] > 0.0
+        && is_boundary(scene, k, &at, x, tick, segment))
       tick->subjects[++count] = NG - NK + k;
   tick->subjects[0] = count;
   return count;
 }
 
-/* Derivatives of a guard, by what those of the state are. */
+/* Derivatives of a guard, `change`, from those of the state, `slope`. */
 static void find_change(const scene_t* scene, int guard, const real* x, const tick_t* tick, const record_t* segment,
                         const real (*slope)[NV], real* by_x, real* change) {
   real weight[NG], by_w[NW + 1];
@@ -112,17 +113,17 @@ static void find_change(const scene_t* scene, int guard, const real* x, const ti
   }
 }
 
-/* A state beside a switch that stays, such as that of a current at its limit, is led back to it at once. */
-static void lead_back(const scene_t* scene, const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
+/* Lead the derivatives of a state beside a switch that stays, such as that of a current at its limit, back to the switch. */
+static void lead_back_to_switches(const scene_t* scene, const tick_t* tick, const record_t* segment, real (*slope)[NV]) {
   LOCAL(guards_t, at, guards_of, GUARDS);
-  find_guards(scene, segment->begin, tick, segment, &at);
+  find_guards(scene, segment->motion_begin, tick, segment, &at);
   for (int k = 0; k < NK; ++k) {
     const int guard = NG - NK + k, holds = segment->p.switches[k] != 0.0;
     real side[2][NX], by[2][NX * (NX + NU)], by_x[NX], change[NV], along = 0.0;
-    if (!is_near(&at, guard, tick->length) || !(at.active[guard] > 0.0) || !stays(&at, guard, tick->length)) continue;
-    find_sides(scene, k, segment->begin, tick, segment, side, by);
+    if (!is_near(&at, guard, tick->length) || !(at.active[guard] > 0.0) || !is_steady(&at, guard, tick->length)) continue;
+    find_sides(scene, k, segment->motion_begin, tick, segment, side, by);
     if (!are_different(side[0], side[1], NX)) continue;
-    find_change(scene, guard, segment->begin, tick, segment, (const real(*)[NV])slope, by_x, change);
+    find_change(scene, guard, segment->motion_begin, tick, segment, (const real(*)[NV])slope, by_x, change);
     for (int i = 0; i < NX; ++i) along += by_x[i] * (side[!holds][i] - side[holds][i]);
     if (!((holds ? along : -along) > 0.0)) continue;
     for (int i = 0; i < NX; ++i)
@@ -134,12 +135,13 @@ static void lead_back(const scene_t* scene, const tick_t* tick, const record_t* 
 static void follow_guard(const scene_t* scene, int guard, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
                          const real* speed, real* delay) {
   real by_x[NX], change[NV], along = 0.0;
-  find_change(scene, guard, segment->end, tick, segment, slope, by_x, change);
+  find_change(scene, guard, segment->motion_end, tick, segment, slope, by_x, change);
   for (int i = 0; i < NX; ++i) along += by_x[i] * speed[i];
   for (int j = 0; j < NV; ++j) delay[j] = -change[j] / along;
 }
 
-/* The same of a segment that an event ends, whichever it is. Joints of a loop come to rest together: that is one event. */
+/* Find the derivative of the length of a segment that an event ends, whichever it is. Joints of a loop come to rest together:
+ * that is one event. */
 static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
                                const real* speed, real* delay) {
   LOCAL(guards_t, begin, guards_of, GUARDS);
@@ -147,15 +149,15 @@ static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const r
   double apart = 0.0, largest = 0.0;
   tick->subjects[0] = 0;
   /* A switch that does not change the motion, such as that of a current that leaves its limit, is no event. */
-  if (segment->length <= INSTANT * tick->length)
-    return find_boundaries(scene, segment->begin, tick, segment) ? SAME_INSTANT : NO_REFUSAL;
-  find_guards(scene, segment->begin, tick, segment, &begin);
-  find_guards(scene, segment->end, tick, segment, &end);
-  const int zero = find_zero(scene, &end, segment->end, tick, segment);
+  if (segment->length <= TIME_ROUNDING * tick->length)
+    return find_boundaries(scene, segment->motion_begin, tick, segment) ? SAME_INSTANT : NO_REFUSAL;
+  find_guards(scene, segment->motion_begin, tick, segment, &begin);
+  find_guards(scene, segment->motion_end, tick, segment, &end);
+  const int zero = find_zero(scene, &end, segment->motion_end, tick, segment);
   if (!zero) return GRAZES;
   for (int k = 1; k <= zero; ++k) {
     const long long i = tick->subjects[k];
-    if (!(fabs(end.rate[i]) > GRAZING * fabs(begin.rate[i]))) return GRAZES;
+    if (!(fabs(end.rate[i]) > GRAZING_RATE * fabs(begin.rate[i]))) return GRAZES;
   }
   real delays[NG][NV];
   for (int k = 0; k < zero; ++k) follow_guard(scene, (int)tick->subjects[k + 1], tick, segment, slope, speed, delays[k]);
@@ -169,5 +171,5 @@ static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const r
     apart = fmax(apart, high - low);
     delay[j] = delays[0][j];
   }
-  return apart > SAME_EVENT * largest ? COINCIDE : NO_REFUSAL;
+  return apart > DELAY_ROUNDING * largest ? COINCIDE : NO_REFUSAL;
 }

@@ -16,10 +16,10 @@
 
 /* Project velocities onto those that bilateral constraints J v = 0 allow. */
 static void project_onto_loops(const scene_t* scene, const real* x, const tick_t* tick, const record_t* segment, real* v) {
-  real J[NU * (NM + 3 * NC) + 1], reaction[NU], bears[2 * NU], drift[NM + 1], A[NM * NU + 1], V[NU * NU], residual[NM + 1],
+  real J[NU * (NM + 3 * NC) + 1], reaction[NU], capacity[2 * NU], drift[NM + 1], A[NM * NU + 1], V[NU * NU], residual[NM + 1],
       correction[NU];
   if (!(scene->constrained && ND)) return;
-  CALL(scene->statics, (x, tick->u, segment->p.all), (J, reaction, bears, drift));
+  CALL(scene->statics, (x, tick->u, segment->p.all), (J, reaction, capacity, drift));
   for (int k = 0; k < NM; ++k) {
     residual[k] = dot(J + k * NU, v, NU);
     for (int i = 0; i < NU; ++i) A[i * NM + k] = J[k * NU + i];
@@ -83,20 +83,20 @@ static enum refusal check_slipping(const scene_t* scene, const real* x, const ti
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t* mode = segment->p.contact + k;
     const real* r = force + 3 * k;
-    if (mode->closed == 0.0 || mode->sticks == 0.0 || !(scene->holding[k] > scene->friction[k])) continue;
+    if (mode->closed == 0.0 || mode->sticks == 0.0 || !(scene->static_friction[k] > scene->friction[k])) continue;
     if (scene->friction[k] > 0.0 && hypot(r[1], r[2]) >= (1.0 - ROUNDING) * scene->friction[k] * r[0])
       return refuse(tick, CONTACT_WOULD_GO_ON, k);
   }
   return NO_REFUSAL;
 }
 
-/* Why a motion from rest has no derivative. `begins`: whether the state itself is varied; else what rests has come to rest
- * before, and rests in all motions nearby. */
-static enum refusal check_rest(const scene_t* scene, const tick_t* tick, const record_t* segment, int begins) {
-  const real* x = segment->begin;
+/* Refuse a motion from rest that has no derivative. `state_varied`: whether the state itself is varied; else what rests has
+ * come to rest before, and rests in all motions nearby. */
+static enum refusal check_rest(const scene_t* scene, const tick_t* tick, const record_t* segment, int state_varied) {
+  const real* x = segment->motion_begin;
   real doubt[2];
   CALL(scene->doubts, (x, tick->u, segment->p.all), (doubt));
-  if (doubt[begins] == 0.0) return NO_REFUSAL;
+  if (doubt[state_varied] == 0.0) return NO_REFUSAL;
   for (int joint = 0; joint < ND; ++joint) {
     if (!is_held(scene, segment, joint) || !(scene->static_level[joint] > 0.0)) continue;
     double acceleration[2], sum = 0.0;
@@ -105,7 +105,7 @@ static enum refusal check_rest(const scene_t* scene, const tick_t* tick, const r
     for (int k = 0; k < count; ++k) sum += fabs(acceleration[k]);
     for (int k = 0; k < count; ++k) goes_on |= acceleration[k] >= -ROUNDING * sum;
     if (count && sum <= NO_DECELERATION) return refuse(tick, UNLOADED_GEAR, joint);
-    if (begins && goes_on) return refuse(tick, JOINT_WOULD_GO_ON, joint);
+    if (state_varied && goes_on) return refuse(tick, JOINT_WOULD_GO_ON, joint);
   }
-  return begins ? check_slipping(scene, x, tick, segment) : NO_REFUSAL;
+  return state_varied ? check_slipping(scene, x, tick, segment) : NO_REFUSAL;
 }

@@ -9,7 +9,7 @@
 #pragma once
 #include "modes/tick_record.h"
 
-#define NW (NU + NT) /* what is held: command and tunable quantities */
+#define NW (NU + NT) /* inputs in a tick: command and tunable quantities */
 #define NV (NX + NW)
 
 /* Why a tick has no derivative. Python: MESSAGES of derivatives/refusals.py. */
@@ -17,6 +17,7 @@ enum refusal {
   NO_REFUSAL,
   DIVERGES,
   ACCUMULATE,
+  TOO_MANY_STEPS,
   BEGINS_WITH_IMPACT,
   BEGINS_ON_BOUNDARY, /* guards */
   ENDS_ON_BOUNDARY,   /* guards */

@@ -1,31 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Tangents in columns, see columns.h, and their propagation over ticks; where LANES > 1 a column holds those of LANES arms,
- * one per lane. Of many columns, columns_t says where they are and what is asked of them, matrices_t is one of its matrices.
+ * one per lane. Of many columns, columns_t says where they are and what is asked of them, layout_t is that of one matrix.
  */
 
 #pragma once
 #include "derivatives/tangents.h"
 #include "lanes/lanes.h"
 
-/* A matrix for each arm, stored by rows of `count` numbers; that of arm i begins at numbers + i * size. */
+/* Where matrices of arms lie, one for each, stored by rows of `count` numbers. */
 typedef struct {
-  double* numbers;
-  long long size, count; /* size 0: the same matrix for all arms */
+  long long size, count;    /* the matrix of arm i begins after i * size numbers; 0: the same matrix for all arms */
   const long long* of_lane; /* the arm of each lane */
-} matrices_t;
+} layout_t;
 
-/* Where the matrix of a lane's arm has an entry. */
-static inline double* entry_at(const matrices_t* of, int lane, int row, long long column) {
-  return of->numbers + of->of_lane[lane] * of->size + row * of->count + column;
+/* Place of an entry in the matrix of a lane's arm. */
+static inline long long entry_of(const layout_t* at, int lane, int row, long long column) {
+  return at->of_lane[lane] * at->size + row * at->count + column;
 }
 
 /* Read the columns from `first` on, WIDTH of one arm or one of each lane; where there are fewer, others are zero. */
-static inline void read_columns(column* to, const matrices_t* from, int rows, long long first) {
-  const long long left = from->count - first;
+static inline void read_columns(column* to, const double* from, const layout_t* at, int rows, long long first) {
+  const long long left = at->count - first;
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < LANES; ++j) {
-      const double* row = entry_at(from, j, i, first);
+      const double* row = from + entry_of(at, j, i, first);
       if (LANES == 1 && left >= WIDTH) memcpy(to + i, row, sizeof *to);
       else
         for (int k = 0; k < WIDTH; ++k) LANE(PLACE(to[i], k), j) = k < left ? row[k] : 0.0;
@@ -33,11 +32,11 @@ static inline void read_columns(column* to, const matrices_t* from, int rows, lo
 }
 
 /* The inverse of read_columns; columns beyond `count` are not written. */
-static inline void write_columns(const column* from, const matrices_t* to, int rows, long long first) {
-  const long long left = to->count - first;
+static inline void write_columns(const column* from, double* to, const layout_t* at, int rows, long long first) {
+  const long long left = at->count - first;
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < LANES; ++j) {
-      double* row = entry_at(to, j, i, first);
+      double* row = to + entry_of(at, j, i, first);
       if (LANES == 1 && left >= WIDTH) memcpy(row, from + i, sizeof *from);
       else
         for (int k = 0; k < WIDTH && k < left; ++k) row[k] = LANE(PLACE(from[i], k), j);
@@ -45,12 +44,12 @@ static inline void write_columns(const column* from, const matrices_t* to, int r
 }
 
 /* Write the rows from `first` on, WIDTH of `rows`, whose entries are the places of `from`. */
-static inline void write_rows(const column* from, const matrices_t* to, int rows, int first) {
+static inline void write_rows(const column* from, double* to, const layout_t* at, int rows, int first) {
   for (int j = 0; j < LANES; ++j)
     for (int k = 0; k < WIDTH && first + k < rows; ++k) {
-      double* row = entry_at(to, j, first + k, 0);
+      double* row = to + entry_of(at, j, first + k, 0);
 #pragma GCC unroll 8
-      for (int i = 0; i < to->count; ++i) row[i] = LANE(PLACE(from[i], k), j);
+      for (int i = 0; i < at->count; ++i) row[i] = LANE(PLACE(from[i], k), j);
     }
 }
 

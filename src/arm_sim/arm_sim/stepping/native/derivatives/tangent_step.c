@@ -13,12 +13,12 @@ EXPORTED void propagate_step(const scene_t* scene, const tangents_t* tangents, c
   real derivatives[NSTEP];
   column rows[NX + NU + NT + 1], moved[NX];
   const long long alone[1] = {0};
-  const matrices_t before = {(double*)tangents_before, 0, count, alone}, end = {columns, 0, count, alone};
+  const layout_t layout = {0, count, alone};
   const column* parts[3] = {rows, rows + NX, rows + NX + NU + NT};
   CALL(scene->advance, (x, u, p, h), (after, derivatives, 0, 0, 0));
   for (long long c = 0; c < count; c += WIDTH) {
-    read_columns(rows, &before, NX + NU + NT + 1, c);
+    read_columns(rows, tangents_before, &layout, NX + NU + NT + 1, c);
     tangents->propagate(derivatives, parts, moved);
-    write_columns(moved, &end, NX, c);
+    write_columns(moved, columns, &layout, NX, c);
   }
 }

@@ -22,17 +22,25 @@ typedef struct {
   column_equation_t *project_begin, *project_end;
 } tangents_t;
 
-/* Columns of the arms and what else is asked of their ticks. Python: Columns. */
+/* Columns of the arms and what else is asked of their ticks. Python: Columns.
+ *
+ * initial:              columns of x at the beginning, NX rows for each arm
+ * inputs:               columns of commands and parameters, NU + NT rows for each arm and tick
+ * columns:              receives columns of x, NX rows for each arm and tick
+ * ..._arm_stride:       numbers from an arm to the next; 0 where they are shared
+ * ..._tick_stride:      numbers from a tick to the next; 0 where they are shared
+ * count:                number of columns
+ * starts_from_identity: whether the columns at the beginning, above those of the first tick, are a unit matrix: the first tick
+ *                       is then differentiated row by row, of which there are fewer
+ * initial_state_varied: in a scene with events, whether the state at the beginning is not one reached in motion
+ * ticks_before_event:   receives the ticks of each arm before one with an event, in a scene with events
+ * after:                receives states at the end
+ */
 typedef struct {
-  const double* initial;              /* columns of x at the beginning, NX rows for each arm */
-  const double* held;                 /* columns of commands and parameters, NU + NT rows for each arm and tick */
-  double* columns;                    /* receives columns of x, NX rows for each arm and tick */
-  /* Numbers from an arm to the next, and from a tick to the next; 0 where it is shared. */
-  long long initial_arm_stride, held_arm_stride, held_tick_stride, columns_arm_stride, columns_tick_stride;
-  long long count; /* of columns */
-  int starts_from_identity; /* whether those at the beginning, above those of the first tick, are a unit matrix: the first tick
-                               is then differentiated row by row, of which there are fewer */
-  int initial_state_varied; /* in a scene with events, whether the state at the beginning is not one reached in motion */
-  long long* ticks_before_event; /* of each arm, in a scene with events */
-  double* after; /* receives states at the end */
+  const double *initial, *inputs;
+  double* columns;
+  long long initial_arm_stride, inputs_arm_stride, inputs_tick_stride, columns_arm_stride, columns_tick_stride, count;
+  int starts_from_identity, initial_state_varied;
+  long long* ticks_before_event;
+  double* after;
 } columns_t;

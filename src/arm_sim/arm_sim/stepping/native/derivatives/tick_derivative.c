@@ -21,7 +21,7 @@ EXPORTED int differentiate_tick(const scene_t* scene, const tangents_t* tangents
     for (int j = 0; j < NV; ++j) unit[i * NV + j] = i == j;
   const arms_t arms = {
       .x0 = x, .tau = r, .p = p, .h = h, .ticks = 1, .unfinished = &mark, .halted = &halted, .engine = engine};
-  columns_t columns = {.initial = unit, .held = unit + NX * NV, .columns = slopes, .count = NV, .after = after};
+  columns_t columns = {.initial = unit, .inputs = unit + NX * NV, .columns = slopes, .count = NV, .after = after};
   columns.starts_from_identity = columns.initial_state_varied = 1;
   columns.ticks_before_event = &ticks_before_event;
   propagate_ticks(scene, tangents, &arms, 0, 1, &columns);

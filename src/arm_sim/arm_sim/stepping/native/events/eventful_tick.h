@@ -8,20 +8,20 @@
  * zero, so its position does not change by a bit. Joints alone are the case of no contacts.
  *
  * Where events accumulate, as when a ball comes to rest, locating all of them would take too long: once a tick has taken
- * most_work, the rest of it is time-stepped.
+ * work_limit, the rest of it is time-stepped.
  */
 
 #pragma once
-#include "events/held.h"
+#include "events/immobility.h"
 #include "events/time_stepping.h"
 
 /* The next record of a traced tick, which begins at x; null if there is no room. */
 static record_t* next_record(const scene_t* scene, trace_t* trace, const real* x) {
-  if (!trace || trace->count++ >= trace->most) return 0;
+  if (!trace || trace->count++ >= trace->capacity) return 0;
   record_t* record = trace->records + trace->count - 1;
   *record = record_of(scene, trace->numbers + (trace->count - 1) * RECORD);
   record->event_free = 1;
-  copy(record->before, x, NX);
+  copy(record->before_impact, x, NX);
   return record;
 }
 
@@ -30,7 +30,7 @@ static void record_begin(const scene_t* scene, record_t* record, const segment_t
   if (!record) return;
   copy(record->p.all, segment->p.all, P_LENGTH);
   for (int k = 0; k < NC; ++k) record->stick_limit[k] = stick_limit(scene, segment, k);
-  copy(record->begin, x, NX);
+  copy(record->motion_begin, x, NX);
 }
 
 /* Record the end of a segment's motion, before its contacts are closed. */
@@ -38,7 +38,7 @@ static void record_end(const scene_t* scene, record_t* record, const real* x, do
   if (!record) return;
   record->length = length;
   record->event_free = event_free;
-  copy(record->end, x, NX);
+  copy(record->motion_end, x, NX);
 }
 
 /* Advance x by h into `now`: NONE, or why that is not possible. Each pass of the loop is a segment: choose its modes, find how
@@ -50,7 +50,7 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
   copy(now, x, NX);
   if (is_inside(scene, now, segment)) return INSIDE;
   segment->trace = trace;
-  while (segment->memory->work < scene->most_work) {
+  while (segment->memory->work < scene->work_limit) {
     real after[NX], anchor[2 * NC + 1];
     int event_free;
     record_t* record = segment->record = next_record(scene, trace, now);
@@ -60,7 +60,7 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     const double reach = fmin(left, find_reach(scene, segment, h));
     record_begin(scene, record, segment, now);
     /* Without internal states nothing changes until the end; a drive that has some may still break it loose. */
-    if (NX == 2 * NU && is_held(scene, now, segment)) {
+    if (NX == 2 * NU && is_immobile(scene, now, segment)) {
       clear(now + NU, NU);
       record_end(scene, record, now, left, 1);
       record_step(segment, left);
@@ -72,7 +72,8 @@ static enum trouble tick_with_events(const scene_t* scene, const real* x, segmen
     find_ended_modes(scene, after, segment, event_free);
     close_contacts(scene, after, segment, anchor);
     if (record)
-      for (int i = 0; i < 2 * NU; ++i) record->closing_change = fmax(record->closing_change, fabs(after[i] - record->end[i]));
+      for (int i = 0; i < 2 * NU; ++i)
+        record->closing_change = fmax(record->closing_change, fabs(after[i] - record->motion_end[i]));
     if (!stop_joints(scene, after, segment)) return NUMBERS;
     stop_at_limits(scene, after);
     copy(now, after, NX);

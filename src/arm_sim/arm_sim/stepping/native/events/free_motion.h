@@ -23,7 +23,7 @@ static int may_switch(const scene_t* scene, const real* x, const real* u, const 
 }
 
 /* Whether a motion of length h stays free; or beforehand, where `next` is null, whether a step is worth trying: see
- * describes_t. */
+ * validity_t. */
 static int stays_free(const scene_t* scene, const real* x, const real* u, const real* next, double h) {
   const real* end = next ? next : x;
   int meets = 0;

@@ -7,7 +7,7 @@
 #include "events/eventful_tick.h"
 
 /* Guess the modes of a tick and the anchors of its contacts, and tell which evaluations at its beginning and end the tick will
- * ask for: of loads (rests), of the mobility (slides), of closed contacts (closes). */
+ * ask for. */
 EXPORTED void predict(const void* scene_of_tick, prediction_t* tick) {
   const scene_t* scene = (const scene_t*)scene_of_tick;
   LOCAL_TICK(segment, tick->u, tick->p, P_LENGTH);
@@ -15,11 +15,11 @@ EXPORTED void predict(const void* scene_of_tick, prediction_t* tick) {
   guess_modes(scene, tick->x, &segment, &geometry);
   find_anchors(scene, &geometry, tick->anchor);
   copy(tick->p, segment.p.all, P_LENGTH);
-  tick->rests = anything_rests(scene, tick->x, &segment);
-  tick->closes = tick->slides = 0;
+  tick->needs_loads = anything_rests(scene, tick->x, &segment);
+  tick->needs_closing = tick->needs_mobility = 0;
   for (int k = 0; k < NC; ++k) {
-    tick->closes |= segment.p.contact[k].closed != 0.0;
-    tick->slides |= scene->friction[k] > 0.0 && is_sliding(segment.p.contact + k);
+    tick->needs_closing |= segment.p.contact[k].closed != 0.0;
+    tick->needs_mobility |= scene->friction[k] > 0.0 && is_sliding(segment.p.contact + k);
   }
 }
 
@@ -43,12 +43,12 @@ EXPORTED int event_free_tick(const void* scene_of_tick, const prediction_t* tick
   const scene_t* scene = (const scene_t*)scene_of_tick;
   real numbers[RECORD];
   record_t record;
-  trace_t trace = {.records = &record, .numbers = numbers, .most = 1};
+  trace_t trace = {.records = &record, .numbers = numbers, .capacity = 1};
   if (make_predicted_tick(scene, tick, &trace, result->after) != NONE) return 0;
   if (trace.count != 1 || !record.event_free || record.has_impact || trace.time_stepped) return 0;
   copy(result->p, record.p.all, P_LENGTH);
   copy(result->stick_limit, record.stick_limit, NC);
-  copy(result->begin, record.begin, NX);
-  copy(result->end, record.end, NX);
+  copy(result->begin, record.motion_begin, NX);
+  copy(result->end, record.motion_end, NX);
   return within_reach(scene, result->after);
 }

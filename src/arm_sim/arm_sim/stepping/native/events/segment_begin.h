@@ -9,15 +9,15 @@
 #include "events/sliding_direction.h"
 #include "guards/guard.h"
 
-#define CORRECTIONS 10     /* corrections of penetrations, or of contacts that set joints in motion */
-#define MOST_REBOUNDS 500 /* impacts with loss in one tick after which contacts no longer rebound */
+#define CORRECTIONS 10    /* of penetrations, or of contacts that set joints in motion */
+#define LOSS_LIMIT 500 /* impacts with loss in one tick after which contacts no longer rebound */
 
 /* Whether a contact point is inside its plane, farther than by rounding. */
 static int is_inside(const scene_t* scene, const real* x, const segment_t* segment) {
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   int inside = 0;
   find_geometry(scene, x, segment, &geometry);
-  for (int k = 0; k < NC; ++k) inside |= geometry.place[3 * k] < -scene->deep;
+  for (int k = 0; k < NC; ++k) inside |= geometry.place[3 * k] < -scene->penetration_limit;
   return inside;
 }
 
@@ -38,22 +38,22 @@ static enum trouble begin_segment(const scene_t* scene, real* x, segment_t* segm
   real before[NU];
   int hit = 0;
   for (int i = 0; i < NU; ++i) before[i] = x[NU + i];
-  const double lost = impact(scene, x, segment, *losses < MOST_REBOUNDS, &geometry);
+  const double loss = apply_impact(scene, x, segment, *losses < LOSS_LIMIT, &geometry);
   for (int i = 0; i < NU; ++i) hit |= x[NU + i] != before[i]; /* an elastic impact loses no energy */
   if (stop_rounding(scene, x)) find_geometry(scene, x, segment, &geometry);
-  for (int k = 0; k < NC; ++k) segment->contact[k].creeps = 0;
-  if (lost < 0.0 || !solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
+  for (int k = 0; k < NC; ++k) segment->contact[k].is_creeping = 0;
+  if (loss < 0.0 || !solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
   if (mark_creeping_contacts(scene, x, segment, tick)) {
     if (!solve_modes(scene, x, segment, &geometry)) return UNDETERMINED;
     stop_reversed_contacts(scene, x, segment);
     find_geometry(scene, x, segment, &geometry);
   }
-  report->impact_loss += lost;
+  report->impact_loss += loss;
   report->impacts += hit;
-  *losses += lost > 0.0;
+  *losses += loss > 0.0;
   find_anchors(scene, &geometry, anchor);
-  for (int turn = 0; turn < CORRECTIONS; ++turn) {
-    if (is_off(scene, x, segment, &geometry)) {
+  for (int correction = 0; correction < CORRECTIONS; ++correction) {
+    if (violates_contacts(scene, x, segment, &geometry)) {
       close_contacts(scene, x, segment, anchor);
       rest_touching(scene, x, segment, anchor);
     }

@@ -6,7 +6,7 @@
 #pragma once
 #include "guards/guard_search.h"
 
-#define MOST_STEPS (scene->adaptive ? scene->most_substeps : 1)
+#define STEP_LIMIT (scene->adaptive ? scene->substep_limit : 1)
 
 /* Whether an accepted attempt that an event cuts to `length` is accurate, with its error `size` then: an attempt that passes
  * over what happens close to the event may not notice it. If not, a shorter one is to be tried from the same beginning.
@@ -23,14 +23,15 @@ static int is_accurate_cut(const scene_t* scene, substeps_t* at, double h, doubl
 static void record_step(const segment_t* segment, double length) {
   trace_t* trace = segment->trace;
   if (!segment->record) return;
-  if (trace->step_count < trace->most_steps) trace->steps[trace->step_count] = length;
+  if (trace->step_count < trace->step_capacity) trace->steps[trace->step_count] = length;
   ++trace->step_count;
   ++segment->record->steps;
 }
 
 /* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. Every step is watched: of
  * fixed length the only one, under error control each that is accepted; there an attempt may also be cut at an event,
- * and tried again if it is not accurate up to that. `after` receives the state at the end; `event_free`: whether no event ended it.
+ * and tried again if it is not accurate up to that. `after` receives the state at the end, `event_free` whether no event ended
+ * it.
  */
 static double advance_segment(const scene_t* scene, const real* x, segment_t* segment, double reach, real* after,
                               int* event_free) {
@@ -47,7 +48,7 @@ static double advance_segment(const scene_t* scene, const real* x, segment_t* se
   begin_piece(scene, segment, piece);
   *event_free = 0;
   substeps_t at = first_substep(reach, scene->adaptive ? control->step : reach);
-  for (long long k = 0; k < MOST_STEPS; ++k) {
+  for (long long k = 0; k < STEP_LIMIT; ++k) {
     real error[2];
     int last = 1;
     error[0] = error[1] = 0.0;
@@ -87,19 +88,19 @@ static double advance_segment(const scene_t* scene, const real* x, segment_t* se
 
 /* Next mode of contacts whose mode has just ended: lift off, or slip; and whether a set that holds together has. */
 static void find_ended_modes(const scene_t* scene, const real* x, segment_t* segment, int event_free) {
-  segment->yields = 0;
-  for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
+  segment->is_yielding = 0;
+  for (int k = 0; k < NC; ++k) segment->contact[k].next_state = STICKS;
   if (event_free || !(NC || scene->constrained)) return;
   LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   clear(sets.set, PARTS);
   find_loads(scene, x, segment, &loads);
   if (scene->indeterminate) {
-    segment->yields = 1; /* an evaluation at the limit */
+    segment->is_yielding = 1; /* an evaluation at the limit */
     find_sets_held(scene, x, segment, &loads, &sets);
     int any = 0;
     for (int i = 0; i < PARTS; ++i) any |= sets.set[i] != 0.0 && set_excess(segment, &sets, (int)sets.set[i]) > 0.0;
-    segment->yields = any;
+    segment->is_yielding = any;
   }
   for (int k = 0; k < NC; ++k) {
     const real* r = loads.force + 3 * k;
@@ -107,10 +108,10 @@ static void find_ended_modes(const scene_t* scene, const real* x, segment_t* seg
     contact_t* contact = segment->contact + k;
     if (mode->closed == 0.0 || sets.set[NU + k] != 0.0) continue;
     const double size = hypot(r[1], r[2]);
-    if (r[0] <= 0.0) contact->ended = APART;
-    else if (mode->sticks != 0.0 && size >= stick_limit(scene, segment, k) * r[0] && scene->holding[k] > 0.0) {
-      contact->ended = SLIDES;
-      for (int i = 0; i < 2; ++i) contact->slips[i] = -r[1 + i] / size;
+    if (r[0] <= 0.0) contact->next_state = APART;
+    else if (mode->sticks != 0.0 && size >= stick_limit(scene, segment, k) * r[0] && scene->static_friction[k] > 0.0) {
+      contact->next_state = SLIDES;
+      for (int i = 0; i < 2; ++i) contact->slip_direction[i] = -r[1 + i] / size;
     }
   }
 }

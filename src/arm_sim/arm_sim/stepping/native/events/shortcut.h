@@ -12,7 +12,7 @@ typedef struct {
   modes_t p;
   real* place;
   loads_t loads;
-  int holds;
+  int any_held;
 } beginning_t;
 #define BEGINNING (P_LENGTH + PLACES + LOADS)
 
@@ -27,14 +27,15 @@ static int event_free_shortcut(const scene_t* scene, const real* x, const real* 
   real place_after[PLACES + 1];
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
   find_places(scene, x, start->place);
-  const real event_free = event_free_at_begin(scene, x, u, p, start->place, start->p.all, &start->loads, &start->holds);
-  if (event_free == 0.0 || (start->holds && NX > 2 * NU)) return 0; /* see event_free_step */
-  int still = start->holds; /* whether every joint is held */
-  for (int i = 0; i < ND; ++i) still &= start->p.direction[i] == 0.0;
-  if (!still
-      && event_free_step(scene, x, u, &h, start->place, start->p.all, &start->loads, start->holds, &step, place_after) == 0.0)
+  const real event_free = event_free_at_begin(scene, x, u, p, start->place, start->p.all, &start->loads, &start->any_held);
+  if (event_free == 0.0 || (start->any_held && NX > 2 * NU)) return 0; /* see event_free_step */
+  int all_held = start->any_held;
+  for (int i = 0; i < ND; ++i) all_held &= start->p.direction[i] == 0.0;
+  if (!all_held
+      && event_free_step(scene, x, u, &h, start->place, start->p.all, &start->loads, start->any_held, &step, place_after)
+             == 0.0)
     return 0;
-  copy(after, still ? x : step.next, NX);
+  copy(after, all_held ? x : step.next, NX);
   rest_held(scene, after);
   return 1;
 }

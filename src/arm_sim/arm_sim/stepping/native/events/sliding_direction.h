@@ -3,16 +3,17 @@
  * How friction turns the velocity of a sliding contact: which contacts creep, and over what length they can be followed.
  *
  * Let a contact slide at the speed s along e, with the acceleration a, the normal force lambda, and the mobility w across e.
- * Friction mu lambda is against its velocity, so a small speed d across e decays: d' = turn - (mu lambda w / s) d, where
- * turn = |e x a| is what else acts across e. It settles at drift = turn / (mu lambda w / s). The speed itself decays at
- * slows = max(-e . a, 0) / s, and rate = mu lambda w / s + slows tells how fast both change the velocity: see turning_t.
+ * Friction mu lambda is against its velocity, so a small speed d across e decays: d' = |e x a| - (mu lambda w / s) d, where
+ * the lateral acceleration |e x a| is of what else acts across e. The speed d settles at the drift
+ * |e x a| / (mu lambda w / s). The speed s decays at the deceleration rate max(-e . a, 0) / s, which together with
+ * mu lambda w / s tells how fast the velocity changes: see turning_t.
  */
 
 #pragma once
 #include "events/closing.h"
 
-#define MOST_PARTS 32   /* parts of a tick, whose length is the shortest over which the turn of a contact is followed */
-#define TURN_ERROR 1e-8 /* error of its velocity by a turn in a step of fixed length */
+#define TICK_PARTS 32   /* parts of a tick, whose length is the shortest over which the turn of a contact is followed */
+#define TURN_ERROR 1e-8 /* error of a contact's velocity by a turn in a step of fixed length */
 
 /* Speed of a contact across its direction, while it slides, that need not be followed. */
 static double drift_tolerance(const scene_t* scene, const segment_t* segment) {
@@ -28,12 +29,12 @@ static double mobility_across(const scene_t* scene, const real* W, int k, const 
 
 /* Find how friction turns each sliding contact at the beginning of a segment, unless that is known. */
 static void find_turning(const scene_t* scene, const real* x, segment_t* segment) {
-  if (segment->turns || !NC) return;
+  if (segment->has_turning || !NC) return;
   LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(geometry_t, geometry, geometry_of, PLACES);
   LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   int any = 0;
-  segment->turns = 1;
+  segment->has_turning = 1;
   for (int k = 0; k < NC; ++k) {
     segment->turning[k].rate = 0.0;
     any |= scene->friction[k] > 0.0 && is_sliding(segment->p.contact + k);
@@ -50,10 +51,10 @@ static void find_turning(const scene_t* scene, const real* x, segment_t* segment
     const double speed = fmax(hypot(s[0], s[1]), scene->slowest);
     const double rate = scene->friction[k] * loads.force[n] * mobility_across(scene, mobility.W, k, along) / speed;
     if (!(rate > 0.0)) continue;
-    turning->slows = fmax(-(along[0] * a[0] + along[1] * a[1]), 0.0) / speed;
-    turning->rate = rate + turning->slows;
-    turning->turn = fabs(along[0] * a[1] - along[1] * a[0]);
-    turning->drift = turning->turn / rate;
+    turning->deceleration_rate = fmax(-(along[0] * a[0] + along[1] * a[1]), 0.0) / speed;
+    turning->rate = rate + turning->deceleration_rate;
+    turning->lateral_acceleration = fabs(along[0] * a[1] - along[1] * a[0]);
+    turning->drift = turning->lateral_acceleration / rate;
   }
 }
 
@@ -67,9 +68,9 @@ static int mark_creeping_contacts(const scene_t* scene, const real* x, segment_t
   find_turning(scene, x, segment);
   for (int k = 0; k < NC; ++k) {
     const turning_t* turning = segment->turning + k;
-    const int settled = turning->slows == 0.0 && turning->drift <= drift_tolerance(scene, segment);
-    segment->contact[k].creeps = turning->rate > MOST_PARTS / tick && (settled || segment->step > 0.0);
-    any |= segment->contact[k].creeps != 0.0;
+    const int has_settled = turning->deceleration_rate == 0.0 && turning->drift <= drift_tolerance(scene, segment);
+    segment->contact[k].is_creeping = turning->rate > TICK_PARTS / tick && (has_settled || segment->time_step > 0.0);
+    any |= segment->contact[k].is_creeping != 0.0;
   }
   return any;
 }
@@ -77,14 +78,15 @@ static int mark_creeping_contacts(const scene_t* scene, const real* x, segment_t
 /* Let contacts that move on a straight line keep their direction where they would turn within a part of the tick: the error of
  * their speed across it stays below the tolerance, or below the slowest speed where they stop within that part. */
 static void fix_straight_contacts(const scene_t* scene, const real* x, segment_t* segment, double tick) {
-  const double part = tick / MOST_PARTS;
+  const double part = tick / TICK_PARTS;
   find_turning(scene, x, segment);
   for (int k = 0; k < NC; ++k) {
     const turning_t* turning = segment->turning + k;
     if (!(turning->rate > 0.0 && 1.0 / turning->rate < part)) continue;
-    const int stops = turning->slows * part > 1.0;
-    const double least = stops ? 0.5 * scene->slowest * turning->slows : drift_tolerance(scene, segment) / part;
-    if (turning->turn <= least) segment->p.contact[k].fixed = 1.0;
+    const int stops_within_part = turning->deceleration_rate * part > 1.0;
+    const double tolerance =
+        stops_within_part ? 0.5 * scene->slowest * turning->deceleration_rate : drift_tolerance(scene, segment) / part;
+    if (turning->lateral_acceleration <= tolerance) segment->p.contact[k].fixed = 1.0;
   }
 }
 
@@ -97,7 +99,7 @@ static double find_reach(const scene_t* scene, const segment_t* segment, double 
     const turning_t* turning = segment->turning + k;
     if (!(turning->rate > 0.0)) continue;
     double length = 1.0 / turning->rate;
-    if (segment->p.contact[k].fixed != 0.0) length = fmax(length, tick / MOST_PARTS);
+    if (segment->p.contact[k].fixed != 0.0) length = fmax(length, tick / TICK_PARTS);
     else if (!scene->adaptive) length *= fmin(1.0, pow(120.0 * TURN_ERROR / turning->drift, 0.2));
     reach = fmin(reach, length);
   }
@@ -115,7 +117,7 @@ static void stop_reversed_contacts(const scene_t* scene, real* x, const segment_
   for (int k = 0; k < NC; ++k) {
     const real* s = geometry.speed + 3 * k + 1;
     contact_mode_t* mode = stopped.p.contact + k;
-    if (segment->contact[k].creeps == 0.0 || mode->closed == 0.0 || mode->along[0] * s[0] + mode->along[1] * s[1] > 0.0)
+    if (segment->contact[k].is_creeping == 0.0 || mode->closed == 0.0 || mode->along[0] * s[0] + mode->along[1] * s[1] > 0.0)
       continue;
     mode->sticks = 1.0;
     any = 1;

@@ -7,7 +7,7 @@
 #include "modes/modes.h"
 #include "guards/guard.h"
 
-#define SLOWED 0.25         /* ratio of the speeds of a sliding contact at its ends */
+#define SPEED_RATIO 0.25         /* ratio of the speeds of a sliding contact at its ends */
 
 static void evaluate_contact_guards(const scene_t* scene, const guarded_t* at, guard_values_t* guards) {
   for (int k = 0; k < NC; ++k) {
@@ -20,7 +20,7 @@ static void evaluate_contact_guards(const scene_t* scene, const guarded_t* at, g
     }
     *normal_guard(guards, k) = -r[0];
     if (mode->sticks != 0.0) *tangential_guard(guards, k) = hypot(r[1], r[2]) - stick_limit(scene, at->segment, k) * r[0];
-    else if (scene->holding[k] > 0.0)
+    else if (scene->static_friction[k] > 0.0)
       *tangential_guard(guards, k) = -(mode->along[0] * s[1] + mode->along[1] * s[2]) - at->rounding;
   }
 }
@@ -33,12 +33,12 @@ static int travel_may_cross(const scene_t* scene, const segment_t* segment, cons
   if (mode->closed == 0.0) {
     double low, high;
     bound_cubic(begin->place[3 * k], s0[0], end->place[3 * k], s1[0], h, &low, &high);
-    return low <= NEAR * (high - low);
+    return low <= LIMIT_MARGIN * (high - low);
   }
-  if (mode->sticks != 0.0 || !(scene->holding[k] > 0.0)) return 0;
+  if (mode->sticks != 0.0 || !(scene->static_friction[k] > 0.0)) return 0;
   const double ahead0 = mode->along[0] * s0[1] + mode->along[1] * s0[2],
                ahead1 = mode->along[0] * s1[1] + mode->along[1] * s1[2];
-  return fmin(ahead0, ahead1) <= SLOWED * fmax(ahead0, ahead1);
+  return fmin(ahead0, ahead1) <= SPEED_RATIO * fmax(ahead0, ahead1);
 }
 
 /* Whether a force is close to its limit at the end of a piece. */
@@ -47,9 +47,9 @@ static int force_may_cross(const scene_t* scene, const segment_t* segment, const
   const double push = -*normal_guard(end, k);
   if (mode->closed == 0.0) return 0;
   for (int l = 0; l < NC; ++l)
-    if (segment->p.contact[l].closed != 0.0 && push < -NEAR * *normal_guard(end, l)) return 1;
-  return mode->sticks != 0.0 && scene->holding[k] > 0.0
-         && *tangential_guard(end, k) > -NEAR * stick_limit(scene, segment, k) * push;
+    if (segment->p.contact[l].closed != 0.0 && push < -LIMIT_MARGIN * *normal_guard(end, l)) return 1;
+  return mode->sticks != 0.0 && scene->static_friction[k] > 0.0
+         && *tangential_guard(end, k) > -LIMIT_MARGIN * stick_limit(scene, segment, k) * push;
 }
 
 /* Whether the forces of all closed contacts are far from their limits. */
@@ -61,8 +61,8 @@ static int contacts_hold_firmly(const scene_t* scene, const segment_t* segment, 
     const real* r = loads->force + 3 * k;
     const contact_mode_t* mode = segment->p.contact + k;
     if (mode->closed == 0.0) continue;
-    if (!(r[0] > FIRM * heaviest)) return 0;
-    if (mode->sticks != 0.0 && !(hypot(r[1], r[2]) < (1.0 - FIRM) * stick_limit(scene, segment, k) * r[0])) return 0;
+    if (!(r[0] > FIRM_MARGIN * heaviest)) return 0;
+    if (mode->sticks != 0.0 && !(hypot(r[1], r[2]) < (1.0 - FIRM_MARGIN) * stick_limit(scene, segment, k) * r[0])) return 0;
   }
   return 1;
 }

@@ -10,12 +10,12 @@
  * the end, and the state in the middle, NX numbers each. */
 typedef struct {
   real *begin, *end, *inside;
-  loads_t near;      /* load and force alone, where the method has a stage at the end ... */
-  int has_near;      /* ... and this is set */
-  double from;   /* its beginning since that of the segment */
-  double length;
+  loads_t near_loads; /* at the method's stage at the end, load and force alone */
+  int has_near_loads; /* whether near_loads is known */
+  double from;        /* time since the beginning of the segment */
+  double length;      /* duration */
 } piece_t;
-#define PIECE (5 * NX + NEARS)
+#define PIECE (5 * NX + NEAR_LOADS)
 
 static piece_t piece_of(const scene_t* scene, real* numbers) {
   real* near = numbers + 5 * NX;
@@ -25,7 +25,7 @@ static piece_t piece_of(const scene_t* scene, real* numbers) {
 
 /* Find the slope at the beginning of a piece, which make_step needs; where nothing is held steps find it themselves. */
 static void begin_piece(const scene_t* scene, const segment_t* segment, piece_t* piece) {
-  if (scene->moving && all_moves(scene, segment->p.all)) return;
+  if (scene->has_moving_equations && all_moves(scene, segment->p.all)) return;
   find_slope(scene, piece->begin, segment, piece->inside);
 }
 
@@ -35,28 +35,28 @@ static void begin_piece(const scene_t* scene, const segment_t* segment, piece_t*
 static int make_step(const scene_t* scene, const segment_t* segment, double h, piece_t* piece, real* error) {
   const prediction_t* prediction = segment->predicted;
   const real length = h;
-  const int moves = scene->moving && all_moves(scene, segment->p.all);
+  const int is_moving = scene->has_moving_equations && all_moves(scene, segment->p.all);
   real *inside = piece->inside, *slope = inside + NX, *middle = slope + NX;
   piece->length = h;
   if (is_predicted(scene, segment) && h == prediction->length && same(piece->begin, prediction->x, NX)) {
     copy(piece->end, prediction->after, NX);
     copy(piece->inside, prediction->inside, 3 * NX);
-    copy(piece->near.all, prediction->near, NEARS);
-    piece->has_near = prediction->has_near != 0;
+    copy(piece->near_loads.all, prediction->near_loads, NEAR_LOADS);
+    piece->has_near_loads = prediction->has_near_loads != 0;
     return within_reach(scene, piece->end);
   }
-  piece->has_near = !moves && scene->near_loads && STEADY;
-  if (moves && scene->adaptive)
+  piece->has_near_loads = !is_moving && scene->has_near_loads && NEAR_LOADS_SERVE;
+  if (is_moving && scene->adaptive)
     CALL(scene->moving_attempt, (piece->begin, segment->u, segment->p.all, &length),
          (piece->end, error, error + 1, inside, slope, middle));
-  else if (moves)
+  else if (is_moving)
     CALL(scene->moving_step, (piece->begin, segment->u, segment->p.all, &length), (piece->end, inside, slope, middle));
   else if (scene->adaptive)
     CALL(scene->attempt, (piece->begin, segment->u, segment->p.all, &length, inside),
-         (piece->end, error, error + 1, slope, middle, piece->near.load, piece->near.force));
+         (piece->end, error, error + 1, slope, middle, piece->near_loads.load, piece->near_loads.force));
   else
     CALL(scene->step, (piece->begin, segment->u, segment->p.all, &length, inside),
-         (piece->end, slope, middle, piece->near.load, piece->near.force));
+         (piece->end, slope, middle, piece->near_loads.load, piece->near_loads.force));
   return within_reach(scene, piece->end);
 }
 

@@ -10,9 +10,9 @@
 #pragma once
 #include "numerics/vectors.h"
 
-#define MOST_TRIALS 200
-#define INSTANT 2e-16 /* half of the tolerance of an instant, relative to the searched interval */
-#define GROWTH 32.0   /* growth of the steps that creep */
+#define TRIAL_LIMIT 200
+#define TIME_TOLERANCE 2e-16 /* half of the tolerance of an instant, relative to the searched interval */
+#define CREEP_GROWTH 32.0 /* of the steps that creep */
 
 /* The interval of the search: the last trial, its other end, and the trial before them; times, and values there. */
 typedef struct {
@@ -75,18 +75,18 @@ static double first_positive(void (*values_at)(const void*, double, double*), co
   double *values = room + 3 * count, part = 0.5, creep = 0.0;
   copy(at.f1, at_h, count);
   values_at(context, 0.0, at.f2);
-  if (max_of(at.f2, count) > 0.0) return INSTANT * h;
-  for (int k = 0; k < MOST_TRIALS; ++k) {
+  if (max_of(at.f2, count) > 0.0) return TIME_TOLERANCE * h;
+  for (int k = 0; k < TRIAL_LIMIT; ++k) {
     const double trial = at.x1 + part * (at.x2 - at.x1);
     values_at(context, trial, values);
     update_bracket(&at, count, trial, values);
-    const double worst = max_of(at.f1, count), width = fabs(at.x2 - at.x1), least = INSTANT * h / width;
+    const double worst = max_of(at.f1, count), width = fabs(at.x2 - at.x1), least = TIME_TOLERANCE * h / width;
     if (least > 0.5 || (worst > 0.0 && (worst <= tolerance || creep > 0.0))) break;
     if (worst > 0.0 || !is_rounding(&at, count, tolerance)) {
       creep = 0.0;
       part = fmax(fmin(earliest_zero(&at, count), 1.0 - least), least);
     } else {
-      creep = creep > 0.0 ? GROWTH * creep : INSTANT * h;
+      creep = creep > 0.0 ? CREEP_GROWTH * creep : TIME_TOLERANCE * h;
       part = fmin(creep / width, 0.5);
     }
   }

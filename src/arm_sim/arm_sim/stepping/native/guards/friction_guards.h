@@ -19,7 +19,7 @@ static void evaluate_friction_guards(const scene_t* scene, const guarded_t* at, 
 static int joints_hold_firmly(const scene_t* scene, const segment_t* segment, const loads_t* loads, const real* x) {
   for (int i = 0; i < ND; ++i) {
     if (segment->p.direction[i] != 0.0) continue;
-    if (at_stop(scene, x, i) || !(fabs(loads->load[i]) < (1.0 - FIRM) * scene->static_level[i])) return 0;
+    if (at_stop(scene, x, i) || !(fabs(loads->load[i]) < (1.0 - FIRM_MARGIN) * scene->static_level[i])) return 0;
   }
   return 1;
 }
@@ -29,7 +29,7 @@ static int friction_may_cross(const scene_t* scene, const search_t* search, cons
   const real* d = search->segment->p.direction;
   for (int i = 0; i < ND; ++i) {
     double low, high;
-    if (d[i] == 0.0 && end->joint[i] > -NEAR * scene->static_level[i]) return 1;
+    if (d[i] == 0.0 && end->joint[i] > -LIMIT_MARGIN * scene->static_level[i]) return 1;
     if (d[i] == 0.0 || !may_stick(scene, i)) continue;
     find_bounds(scene, &search->piece, NU + i, &low, &high);
     if (d[i] > 0.0 ? low <= 0.0 : high >= 0.0) return 1;

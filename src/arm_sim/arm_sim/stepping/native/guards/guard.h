@@ -10,9 +10,9 @@
 #include "guards/dense_step.h"
 #include "guards/smoothness.h"
 
-#define TURNING_BACK 1e-13 /* relative speed in the wrong direction tolerated of a joint that begins to slide */
-#define FIRM (2.0 * NEAR) /* distance from a limit, relative to it, at which a state close by is within it, too */
-#define SINKING 1e-12      /* speed up to which an open contact is not treated as approaching */
+#define REVERSAL_ROUNDING 1e-13 /* relative speed in the wrong direction tolerated of a joint that begins to slide */
+#define FIRM_MARGIN (2.0 * LIMIT_MARGIN) /* distance from a limit, relative to it, at which states close by are within it */
+#define SINKING 1e-12     /* speed up to which an open contact is not treated as approaching */
 
 /* Values of all guards: of contacts gaps, or normal and tangential forces; of joints friction, and both stops; of drives and
  * cords comparisons; of the sets that hold together the largest excess, in place of those of their parts. */
@@ -52,7 +52,7 @@ typedef struct {
   double rounding; /* speed against its direction that what slides may have */
 } guarded_t;
 
-/* A piece of a motion in which events are searched, and the segment, as guarded_t. */
+/* A piece of a motion in which events are searched, and its segment; `ground` as of guarded_t. */
 typedef struct {
   const scene_t* scene;
   piece_t piece;
@@ -70,7 +70,7 @@ typedef struct {
 } guard_law_t;
 
 /* Speed against its direction that a sliding joint may have by rounding. */
-static double turning_rounding(const scene_t* scene, const real* x) { return TURNING_BACK * (1.0 + max_abs(x + NU, NU)); }
+static double turning_rounding(const scene_t* scene, const real* x) { return REVERSAL_ROUNDING * (1.0 + max_abs(x + NU, NU)); }
 
 /* Whether a contact is apart or slides: its place or speed may end its mode. */
 static int any_travels(const scene_t* scene, const segment_t* segment) {

@@ -9,7 +9,7 @@
 
 #define VIOLATION_ROUNDING 1e-15 /* violation treated as rounding */
 #define SEARCH_FACTOR 4.0        /* factor of the next trial, if no mode has ended by the time that was predicted */
-#define EARLIER 4                /* earlier events that are looked for before one that is known */
+#define EARLIER_EVENTS 4                /* earlier events that are looked for before one that is known */
 
 /* Samples of guards on the continuous output of a piece. */
 #define GUARD_SAMPLES 4       /* parts of a piece at whose ends they are taken, ... */
@@ -129,13 +129,13 @@ static double end_at_event(const scene_t* scene, search_t* search, double later,
   double room[4 * GUARD_VALUES];
   /* From the predicted arrival on, ever later: the first time at which a mode is violated. */
   const double arrival = predicted_arrival(scene, piece->begin, search->segment);
-  for (double near = fmax(arrival, INSTANT * later); near < later; near *= SEARCH_FACTOR) {
+  for (double near = fmax(arrival, TIME_TOLERANCE * later); near < later; near *= SEARCH_FACTOR) {
     if (!(excess_at(scene, search, near, &early) > 0.0)) continue;
     later = near;
     copy(guards->all, early.all, GUARD_VALUES);
     break;
   }
-  for (int turn = 0; turn < EARLIER; ++turn) {
+  for (int turn = 0; turn < EARLIER_EVENTS; ++turn) {
     const double length = first_positive(guards_at, search, GUARD_VALUES, later, guards->all, VIOLATION_ROUNDING, room);
     if (!make_step(scene, search->segment, length, piece, error)) return -1.0;
     evaluate_guards(scene, piece->end, search->segment, search->ground, piece->from + length, 0, &early);
@@ -148,7 +148,7 @@ static double end_at_event(const scene_t* scene, search_t* search, double later,
 /* A time in a piece of length h, whose end may be out of reach, at which a mode is violated; 0 if all are satisfied. */
 static double find_violation(const scene_t* scene, const search_t* search, double h, int reached, guard_values_t* guards) {
   const piece_t* piece = &search->piece;
-  const loads_t* near = piece->has_near ? &piece->near : 0;
+  const loads_t* near = piece->has_near_loads ? &piece->near_loads : 0;
   LOCAL(guard_values_t, peak, guard_values_of, GUARD_VALUES);
   if (!reached) fill(scene, guards, INFINITY);
   if (!reached || evaluate_guards(scene, piece->end, search->segment, search->ground, piece->from + h, near, guards) > 0.0)

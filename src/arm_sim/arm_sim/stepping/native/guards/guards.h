@@ -28,8 +28,8 @@ static double evaluate_guards(const scene_t* scene, const real* x, const segment
                               const loads_t* near, guard_values_t* guards) {
   const memory_t* memory = segment->memory;
   guarded_t at = {x, segment, ground, t, memory->places_of_guards, memory->loads_of_guards, turning_rounding(scene, x)};
-  const int is_firm =
-      near && !segment->yields && contacts_hold_firmly(scene, segment, near) && joints_hold_firmly(scene, segment, near, x);
+  const int is_firm = near && !segment->is_yielding && contacts_hold_firmly(scene, segment, near)
+                      && joints_hold_firmly(scene, segment, near, x);
   fill(scene, guards, -INFINITY);
   if (any_travels(scene, segment)) find_geometry(scene, x, segment, &at.geometry);
   if (is_firm) at.loads = *near;

@@ -28,5 +28,5 @@ static void evaluate_set_guards(const scene_t* scene, const guarded_t* at, guard
 /* A set that is near its limit at the end of a piece may have given way inside it. */
 static int set_may_cross(const scene_t* scene, const search_t* search, const guard_values_t* end) {
   (void)search;
-  return scene->indeterminate && *end->sets > -NEAR;
+  return scene->indeterminate && *end->sets > -LIMIT_MARGIN;
 }

@@ -7,8 +7,8 @@
 #include "scene.h"
 
 #define SMALL_PHASE 0.1      /* in [rad] */
-#define BEND 0.1             /* of an acceleration inside a step, relative to its sizes at both ends */
-#define SPEED_UNSURE 1e-12   /* rounding of a change of speed, relative to the speed */
+#define LARGEST_BEND 0.1             /* of an acceleration inside a step, relative to its sizes at both ends */
+#define SPEED_ROUNDING_OF_STEP 1e-12   /* rounding of a change of speed, relative to the speed */
 
 /* Phase of all waves in the joints' positions that passes in a step, in [rad]. */
 static inline real phase_of(const scene_t* scene, const real* x, const real* next) {
@@ -25,7 +25,9 @@ static inline real varies_evenly(const scene_t* scene, const real* x, const real
   real even = phase_of(scene, x, next) <= SMALL_PHASE;
   for (int i = NU; i < 2 * NU; ++i) {
     const real a = h * inside[i], b = h * inside[NX + i], change = next[i] - x[i];
-    even = even && fabs(3.0 * change - 1.5 * (a + b)) <= BEND * (fabs(a) + fabs(b)) + SPEED_UNSURE * (1.0 + fabs(x[i]));
+    even = even
+           && fabs(3.0 * change - 1.5 * (a + b))
+                  <= LARGEST_BEND * (fabs(a) + fabs(b)) + SPEED_ROUNDING_OF_STEP * (1.0 + fabs(x[i]));
   }
   return even;
 }

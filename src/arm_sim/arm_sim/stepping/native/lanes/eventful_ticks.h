@@ -8,7 +8,7 @@
 #include "events/event_free.h"
 #include "lanes/predicted_ticks.h"
 
-#define FEW (LANES / 4) /* lanes for which predicting takes longer than it saves */
+#define FEW_LANES (LANES / 4) /* lanes for which predicting takes longer than it saves */
 
 /* Lanes of the first `used` for which a mask is zero. */
 static inline int count_left(const real* mask, int used) {
@@ -21,14 +21,14 @@ static inline int count_left(const real* mask, int used) {
  * that surely have no event, so that it need not be asked, with their states in `next`. With contacts, the engine's modes
  * contain more, and it makes a step of its own. */
 static real step_certain(const scene_t* scene, const real* x, const real* u, const real* h, const real* place, const real* p,
-                         const loads_t* loads, int holds, const real* certain, int used, prediction_t* tick, real* next) {
+                         const loads_t* loads, int any_held, const real* certain, int used, prediction_t* tick, real* next) {
   real after[PLACES + 1];
   LOCAL(step_of_lanes_t, step, step_of_lanes_of, STEP_OF_LANES);
-  const real done = *certain && event_free_step(scene, x, u, h, place, p, loads, holds, &step, after);
+  const real done = *certain && event_free_step(scene, x, u, h, place, p, loads, any_held, &step, after);
   copy(next, step.next, NX);
   rest_held(scene, next);
   if (!count_left(&done, used)) return done;
-  write_steps(scene, step.next, step.inside, scene->near_loads ? step.near : 0, after, tick);
+  write_steps(scene, step.next, step.inside, scene->has_near_loads ? step.near_loads : 0, after, tick);
   for (int j = 0; j < used; ++j)
     for (int i = NP; i < P_LENGTH && LANE(*certain, j) != 0.0; ++i) tick[j].p[i] = LANE(p[i], j);
   return done;
@@ -38,7 +38,7 @@ static real step_certain(const scene_t* scene, const real* x, const real* u, con
 static void predict_in_guessed_modes(const scene_t* scene, const real* x, const real* u, const real* h, const engine_t* engine,
                                      prediction_t* tick) {
   const long long stride = PREDICTION;
-  long long of_lane[LANES], rests = 0, slides = 0, closes = 0;
+  long long of_lane[LANES], any_loads = 0, any_mobility = 0, any_closing = 0;
   real p[P_LENGTH + 1], place[PLACES + 1], anchor[2 * NC + 1], closed[2 * NU];
   LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
@@ -46,23 +46,23 @@ static void predict_in_guessed_modes(const scene_t* scene, const real* x, const 
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     engine->predict(engine->scene, tick + j);
-    rests |= tick[j].rests;
-    slides |= tick[j].slides;
-    closes |= tick[j].closes;
+    any_loads |= tick[j].needs_loads;
+    any_mobility |= tick[j].needs_mobility;
+    any_closing |= tick[j].needs_closing;
   }
   read_arms(p, P_LENGTH, tick->p, stride, of_lane);
-  if (rests) {
+  if (any_loads) {
     loads_at(scene, x, u, p, &loads);
     write_arms(tick->loads, stride, loads.all, LOADS, LANES);
   }
-  make_steps(scene, x, u, p, h, rests ? &loads : 0, &step);
+  make_steps(scene, x, u, p, h, any_loads ? &loads : 0, &step);
   find_places(scene, step.next, place);
-  write_steps(scene, step.next, step.inside, scene->near_loads ? step.near : 0, place, tick);
-  if (slides) {
+  write_steps(scene, step.next, step.inside, scene->has_near_loads ? step.near_loads : 0, place, tick);
+  if (any_mobility) {
     mobility_at(scene, x, u, p, &mobility);
     write_arms(tick->mobility, stride, mobility.all, MOBILITY, LANES);
   }
-  if (closes) {
+  if (any_closing) {
     read_arms(anchor, 2 * NC, tick->anchor, stride, of_lane);
     CALL(scene->contact_close, (step.next, p, anchor), (closed));
     write_arms(tick->closed, stride, closed, 2 * NU, LANES);
@@ -76,16 +76,16 @@ static void tick_of_lanes(const scene_t* scene, const real* x, const real* r, co
   LOCAL_PREDICTIONS(tick);
   LOCAL(loads_t, loads, loads_of, LOADS);
   real place[PLACES + 1], p[P_LENGTH + 1], done = 0.0;
-  int uncertain = used, holds;
+  int uncertain = used, any_held;
   CALL(scene->actuate, (x, r), (acted));
   begin_ticks(scene, x, acted, tunable, h, tick, place);
   if (scene->joints_and_contacts_only) {
-    const real certain = event_free_at_begin(scene, x, acted, tunable, place, p, &loads, &holds);
+    const real certain = event_free_at_begin(scene, x, acted, tunable, place, p, &loads, &any_held);
     uncertain = count_left(&certain, used);
     if (2 * uncertain <= used) /* else few lanes would use the steps */
-      done = step_certain(scene, x, acted, h, place, p, &loads, holds, &certain, used, tick, next);
+      done = step_certain(scene, x, acted, h, place, p, &loads, any_held, &certain, used, tick, next);
   }
-  if (count_left(&done, used) && uncertain > FEW) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
+  if (count_left(&done, used) && uncertain > FEW_LANES) predict_in_guessed_modes(scene, x, acted, h, engine, tick);
   for (int j = 0; j < used; ++j) {
     double after[NX];
     if (LANE(done, j) != 0.0) continue;

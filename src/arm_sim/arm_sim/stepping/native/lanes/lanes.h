@@ -10,20 +10,28 @@
 
 #include <stdint.h>
 
-#define STOP_MARGIN 1e-9     /* distance to a stop that is near, relative to the position or 1, ... */
-#define SPEED_MARGIN 1e-6    /* ... and to the way at the speeds of a tick: derivatives see no stop that is farther away */
+#define STOP_MARGIN 1e-9  /* distance to a stop that is near, relative to the position or 1 */
+#define SPEED_MARGIN 1e-6 /* distance to a stop that is near, relative to the way at the speeds of a tick; see STOP_MARGIN */
 
-/* Arms and their ticks. Python: ArmTable. */
+/* Arms and their ticks. Python: ArmTable.
+ *
+ * x0:         states at the beginning, NX for each arm
+ * tau:        commands: tick k of arm i at tau + i * tau_arm + k * tau_tick
+ * p:          tunable numbers: arm i at p + i * p_arm
+ * h:          length of a tick
+ * ticks:      number of ticks
+ * unfinished: of each arm, 0 at first: whether it is to be advanced alone
+ * halted:     becomes nonzero if the results are of no use any more
+ * engine:     in a scene with events, that of one arm
+ */
 typedef struct {
-  const double* x0;  /* states at the beginning, NX for each arm */
-  const double* tau; /* commands: tick k of arm i at tau + i * tau_arm + k * tau_tick */
-  const double* p;   /* tunable numbers; arm i at p + i * p_arm */
+  const double *x0, *tau, *p;
   long long tau_arm, tau_tick, p_arm;
-  double h; /* length of a tick */
+  double h;
   long long ticks;
-  int8_t* unfinished;   /* marks of arms, 0 at first */
-  const int8_t* halted; /* becomes nonzero if the results are of no use any more */
-  const engine_t* engine; /* in a scene with events, that of one arm */
+  int8_t* unfinished;
+  const int8_t* halted;
+  const engine_t* engine;
 } arms_t;
 
 /* Whether another thread has halted this work; to be read anew each time. */
@@ -38,7 +46,7 @@ static void read_arms(real* to, int count, const double* from, long long stride,
     for (int i = 0; i < count; ++i) LANE(to[i], j) = from[of_lane[j] * stride + i];
 }
 
-/* Choose the arms of a group and load their tunable numbers. Spare lanes of the last group repeat the last arm before `last`. */
+/* Choose the arms of a group and load their tunable numbers. Spare lanes of the last group repeat the arm before `last`. */
 static void begin_lanes(const scene_t* scene, const arms_t* arms, long long arm, long long last, long long* of_lane, real* p) {
   for (int j = 0; j < LANES; ++j) of_lane[j] = arm + j < last ? arm + j : last - 1;
   read_arms(p, NP, arms->p, arms->p_arm, of_lane);
@@ -68,7 +76,7 @@ static inline int meets_any_stop(const scene_t* scene, const real* x, const real
                                  int lane) {
   int met = 0;
   (void)lane; /* alone */
-  for (int i = 0; scene->stops && i < NU; ++i) {
+  for (int i = 0; scene->has_stops_without_events && i < NU; ++i) {
     const double q = LANE(x[i], lane), v = LANE(x[NU + i], lane), end = LANE(next[i], lane), v_end = LANE(next[NU + i], lane);
     const double speeds = __builtin_fabs(v) + __builtin_fabs(v_end);
     const double margin = SPEED_MARGIN * length * speeds + STOP_MARGIN * (1.0 + __builtin_fabs(q));

@@ -19,7 +19,7 @@ static inline void begin_ticks(const scene_t* scene, const real* x, const real* 
   for (int j = 0; j < LANES; ++j) {
     tick[j].length = LANE(*h, j);
     tick[j].after[0] = __builtin_nan("");
-    tick[j].rests = tick[j].slides = tick[j].closes = tick[j].has_near = 0;
+    tick[j].needs_loads = tick[j].needs_mobility = tick[j].needs_closing = tick[j].has_near_loads = 0;
     for (int i = NP; i < P_LENGTH; ++i) tick[j].p[i] = __builtin_nan("");
   }
 }
@@ -33,6 +33,6 @@ static inline void write_steps(const scene_t* scene, const real* next, const rea
   write_arms(tick->inside, stride, inside, 3 * NX, LANES);
   write_arms(tick->geometry_after, stride, place, PLACES, LANES);
   if (!near) return;
-  write_arms(tick->near, stride, near, NEARS, LANES);
-  for (int j = 0; j < LANES; ++j) tick[j].has_near = STEADY;
+  write_arms(tick->near_loads, stride, near, NEAR_LOADS, LANES);
+  for (int j = 0; j < LANES; ++j) tick[j].has_near_loads = NEAR_LOADS_SERVE;
 }

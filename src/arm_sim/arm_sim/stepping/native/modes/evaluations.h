@@ -40,16 +40,17 @@ static void find_geometry(const scene_t* scene, const real* x, const segment_t* 
 static int knows_loads(const scene_t* scene, const real* x, const segment_t* segment, loads_t* known) {
   const prediction_t* prediction = segment->predicted;
   const memory_t* memory = segment->memory;
-  const int predicted = is_predicted(scene, segment) && prediction->rests && same(x, prediction->x, NX);
+  const int predicted = is_predicted(scene, segment) && prediction->needs_loads && same(x, prediction->x, NX);
   *known = predicted ? loads_of(scene, prediction->loads) : memory->loads;
-  return predicted || (memory->loaded && same(x, memory->loads_x, NX) && same(segment->p.all + NP, memory->loads_in, MODES));
+  return predicted
+         || (memory->has_loads && same(x, memory->loads_x, NX) && same(segment->p.all + NP, memory->loads_modes, MODES));
 }
 
 static void keep_loads(const scene_t* scene, const real* x, const real* modes, memory_t* memory, const loads_t* loads) {
-  memory->loaded = 1;
+  memory->has_loads = 1;
   copy(memory->loads.all, loads->all, LOADS);
   copy(memory->loads_x, x, NX);
-  copy(memory->loads_in, modes, MODES);
+  copy(memory->loads_modes, modes, MODES);
 }
 
 /* Loads and accelerations at x in the modes of a segment. */
@@ -70,7 +71,7 @@ static void find_mobility(const scene_t* scene, const real* x, const segment_t* 
   const prediction_t* prediction = segment->predicted;
   segment->memory->work += scene->mobility_cost;
   if (!NC) return;
-  if (is_predicted(scene, segment) && prediction->slides && same(x, prediction->x, NX)) {
+  if (is_predicted(scene, segment) && prediction->needs_mobility && same(x, prediction->x, NX)) {
     copy(mobility->all, prediction->mobility, MOBILITY);
     return;
   }
@@ -82,7 +83,7 @@ static void find_slope(const scene_t* scene, const real* x, const segment_t* seg
   loads_t known;
   const real* answer = knows_loads(scene, x, segment, &known) ? known.slope : 0;
   /* In motion the prediction's slope is that of `moving_step`: the same in other expressions, which round differently. */
-  if (!scene->moving && is_predicted(scene, segment) && same(x, segment->predicted->x, NX))
+  if (!scene->has_moving_equations && is_predicted(scene, segment) && same(x, segment->predicted->x, NX))
     answer = segment->predicted->inside;
   if (answer) {
     copy(slope, answer, NX);

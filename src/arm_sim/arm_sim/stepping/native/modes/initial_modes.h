@@ -7,7 +7,7 @@
 #include "modes/held_sets.h"
 #include "modes/rebounds.h"
 
-#define CARRYING 1e-10 /* acceleration of a constraint that is rounding, relative to the square of the speed */
+#define DRIFT_ROUNDING 1e-10 /* acceleration of a constraint that is rounding, relative to the square of the speed */
 
 /* On both sides of all joints, `push`: torques of compliant stops; `met`: the lesser of torque and penetration, positive where
  * a joint is in contact with its stop. */
@@ -50,7 +50,8 @@ static int stop_rounding(const scene_t* scene, real* x) {
 
 /* Contacts whose gap is closed to rounding. */
 static void find_closed_gaps(const scene_t* scene, segment_t* segment, const geometry_t* geometry) {
-  for (int k = 0; k < NC; ++k) segment->contact[k].touching = geometry->place[3 * k] <= 4 * GAP_ROUNDING * geometry->size[k];
+  for (int k = 0; k < NC; ++k)
+    segment->contact[k].is_touching = geometry->place[3 * k] <= 4 * GAP_ROUNDING * geometry->size[k];
 }
 
 /* Contacts whose gap is closed to rounding and does not open. */
@@ -59,27 +60,28 @@ static void find_touching(const scene_t* scene, const real* x, segment_t* segmen
   double least_rebound[NC + 1];
   int opens = 0;
   find_closed_gaps(scene, segment, geometry);
-  for (int k = 0; k < NC; ++k) opens |= contact[k].touching != 0.0 && geometry->speed[3 * k] > speed_rounding(scene, x);
+  for (int k = 0; k < NC; ++k) opens |= contact[k].is_touching != 0.0 && geometry->speed[3 * k] > speed_rounding(scene, x);
   if (!opens) return;
   find_rounding_rebounds(scene, x, segment, geometry, least_rebound);
-  for (int k = 0; k < NC; ++k) contact[k].touching = contact[k].touching != 0.0 && geometry->speed[3 * k] <= least_rebound[k];
+  for (int k = 0; k < NC; ++k)
+    contact[k].is_touching = contact[k].is_touching != 0.0 && geometry->speed[3 * k] <= least_rebound[k];
 }
 
 /* The end of a contact's last mode determines the initial guess. */
-static void guess_from_ended(contact_mode_t* mode, const contact_t* contact) {
-  if (contact->touching == 0.0 || contact->ended == STICKS) return;
-  if (contact->ended == APART) mode->closed = 0.0;
-  if (contact->ended == SLIDES && contact->slides != 0.0) return;
+static void guess_from_next_state(contact_mode_t* mode, const contact_t* contact) {
+  if (contact->is_touching == 0.0 || contact->next_state == STICKS) return;
+  if (contact->next_state == APART) mode->closed = 0.0;
+  if (contact->next_state == SLIDES && contact->was_sliding != 0.0) return;
   mode->sticks = 0.0;
-  mode->along[0] = contact->ended == SLIDES ? contact->slips[0] : 1.0;
-  mode->along[1] = contact->ended == SLIDES ? contact->slips[1] : 0.0;
+  mode->along[0] = contact->next_state == SLIDES ? contact->slip_direction[0] : 1.0;
+  mode->along[1] = contact->next_state == SLIDES ? contact->slip_direction[1] : 0.0;
 }
 
 /* Initial guess: moving joints slide and those at rest stick; touching contacts are closed and those at rest stick. */
 static void guess_from_velocities(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
   for (int i = 0; i < ND; ++i) {
     segment->p.direction[i] = rests(scene, x, i) ? 0.0 : may_stick(scene, i) ? sign_of(x[NU + i]) : 1.0;
-    segment->turned[i] = 0;
+    segment->has_tried_reverse[i] = 0;
   }
   find_pressed(scene, x, segment);
   real value[NK + 1], size[NK + 1];
@@ -90,17 +92,17 @@ static void guess_from_velocities(const scene_t* scene, const real* x, segment_t
     contact_t* contact = segment->contact + k;
     const real* s = geometry->speed + 3 * k + 1;
     const double size = hypot(s[0], s[1]);
-    const int still = scene->holding[k] > 0.0 && (size <= scene->slowest || contact->creeps != 0.0),
-              turns = scene->friction[k] > 0.0 && !still;
-    contact->slides = !still;
-    contact->direction[0] = turns ? s[0] / size : 1.0;
-    contact->direction[1] = turns ? s[1] / size : 0.0;
+    const int still = scene->static_friction[k] > 0.0 && (size <= scene->slowest || contact->is_creeping != 0.0),
+              has_direction = scene->friction[k] > 0.0 && !still;
+    contact->was_sliding = !still;
+    contact->sliding_direction[0] = has_direction ? s[0] / size : 1.0;
+    contact->sliding_direction[1] = has_direction ? s[1] / size : 0.0;
     contact_mode_t* mode = segment->p.contact + k;
-    mode->closed = contact->touching;
-    mode->sticks = contact->touching != 0.0 && still;
-    for (int i = 0; i < 2; ++i) mode->along[i] = contact->direction[i];
+    mode->closed = contact->is_touching;
+    mode->sticks = contact->is_touching != 0.0 && still;
+    for (int i = 0; i < 2; ++i) mode->along[i] = contact->sliding_direction[i];
     mode->fixed = still;
-    guess_from_ended(mode, contact);
+    guess_from_next_state(mode, contact);
   }
 }
 
@@ -126,8 +128,8 @@ static int find_carried(const scene_t* scene, const real* x, const segment_t* se
   eliminate(NM, NU + 1, T, 0, moving, basic);
   for (int k = 0; k < NM; ++k) {
     const double* row = T + (NU + 1) * k;
-    if (basic[k] >= 0 || fabs(row[NU]) <= CARRYING * fastest * fastest) continue;
-    for (int i = 0; i < NU; ++i) carried[i] |= rests(scene, x, i) && fabs(row[column[i]]) > CARRYING;
+    if (basic[k] >= 0 || fabs(row[NU]) <= DRIFT_ROUNDING * fastest * fastest) continue;
+    for (int i = 0; i < NU; ++i) carried[i] |= rests(scene, x, i) && fabs(row[column[i]]) > DRIFT_ROUNDING;
   }
   for (int i = 0; i < NU; ++i) any |= carried[i];
   return any;

@@ -17,11 +17,12 @@
 typedef struct {
   real *all, *load, *force, *rate, *grip, *slope;
 } loads_t;
-#define LOADS (NU + 2 * MC + NC + NX)
-#define NEARS (NU + MC) /* load and force alone, which come first */
+#define NEAR_LOADS (NU + MC) /* numbers of `load` and `force`, which come first */
+#define LOADS (NEAR_LOADS + MC + NC + NX)
 
 static inline loads_t loads_of(const scene_t* scene, real* all) {
-  loads_t loads = {all, all, all + NU, all + NU + MC, all + NU + 2 * MC, all + NU + 2 * MC + NC};
+  real* rate = all + NEAR_LOADS;
+  loads_t loads = {all, all, all + NU, rate, rate + MC, rate + MC + NC};
   return loads;
 }
 

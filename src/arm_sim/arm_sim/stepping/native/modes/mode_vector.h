@@ -23,18 +23,19 @@ typedef struct {
   real* switches;  /* of drives and cords: 1 where a comparison holds, else 0 */
   contact_mode_t* contact;
 } modes_t;
-#define MODES (ND + NQ + NK + CONTACT_MODE * NC)
-#define P_LENGTH (NP + MODES)
+#define FIRST_CONTACT (NP + ND + NQ + NK) /* place in p of the modes of contacts */
+#define P_LENGTH (FIRST_CONTACT + CONTACT_MODE * NC)
+#define MODES (P_LENGTH - NP)
 
 static inline modes_t modes_of(const scene_t* scene, real* p) {
-  modes_t modes = {p, p + NP, p + NP + ND, p + NP + ND + NQ, (contact_mode_t*)(p + NP + ND + NQ + NK)};
+  modes_t modes = {p, p + NP, p + NP + ND, p + NP + ND + NQ, (contact_mode_t*)(p + FIRST_CONTACT)};
   return modes;
 }
 
 /* Whether a contact is closed, by the vector p of one arm. */
 static inline int any_closed(const scene_t* scene, const double* p) {
   int any = 0;
-  for (int k = 0; k < NC; ++k) any |= p[NP + ND + NQ + NK + CONTACT_MODE * k] != 0.0;
+  for (int k = 0; k < NC; ++k) any |= p[FIRST_CONTACT + CONTACT_MODE * k] != 0.0;
   return any;
 }
 

@@ -8,7 +8,7 @@
  * complementarity problem in the metric of M, solved by pivoting: the entry with the largest violation changes its mode until
  * there is none. If that cycles, the first violation is chosen for joints alone, a rule that cannot cycle (Murty, Linear
  * Complementarity, Linear and Nonlinear Programming, 1988, section 4.1), and contacts are solved together by
- * friction_cones.h.
+ * several_contacts.h.
  *
  * Where statics does not determine the reactions of what is held, the parts hold together: see indeterminate.h. A set that
  * does not hold is released in the motion in which it gives way, and pivoting goes on from there.
@@ -17,10 +17,10 @@
 #pragma once
 #include "modes/initial_modes.h"
 
-#define SLACK 1e-9           /* tolerated acceleration in the wrong direction, relative to the largest */
-#define MOST_COMBINATIONS 729        /* sets of modes of joints that are tried as a last resort */
-#define NEARER 1e-5          /* step of the iteration to forces of least norm, and the number of steps */
-#define NEARER_TURNS 6
+#define ACCELERATION_TOLERANCE 1e-9 /* acceleration in the wrong direction, relative to the largest */
+#define COMBINATION_LIMIT 729       /* combinations of modes of joints that are tried as a last resort */
+#define LEAST_NORM_DAMPING 1e-5     /* of the iteration to forces of least norm, relative to the mobility */
+#define LEAST_NORM_STEPS 6          /* of the iteration to forces of least norm */
 #define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
 #define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before the first violation is chosen */
 
@@ -44,15 +44,15 @@ static double force_excess(const scene_t* scene, const segment_t* segment, const
 static double rate_excess(const segment_t* segment, const loads_t* loads, int k, double fastest) {
   const real* a = loads->rate + 3 * k;
   const contact_mode_t* mode = segment->p.contact + k;
-  if (mode->closed == 0.0) return segment->contact[k].touching != 0.0 ? -a[0] / fastest - SLACK : 0.0;
-  if (mode->sticks != 0.0 || segment->contact[k].slides != 0.0) return 0.0;
+  if (mode->closed == 0.0) return segment->contact[k].is_touching != 0.0 ? -a[0] / fastest - ACCELERATION_TOLERANCE : 0.0;
+  if (mode->sticks != 0.0 || segment->contact[k].was_sliding != 0.0) return 0.0;
   const double ahead = mode->along[0] * a[1] + mode->along[1] * a[2], astray = mode->along[0] * a[2] - mode->along[1] * a[1];
-  return fmax(-ahead, fabs(astray)) / fastest - SLACK;
+  return fmax(-ahead, fabs(astray)) / fastest - ACCELERATION_TOLERANCE;
 }
 
 /* Whether reactions of the least norm are beyond a limit. */
 static int anything_beyond(const scene_t* scene, const real* x, const segment_t* segment, const loads_t* loads) {
-  int any = segment->yields;
+  int any = segment->is_yielding;
   for (int k = 0; k < NC; ++k) any |= force_excess(scene, segment, loads, k) > 0.0;
   for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0 && joint_excess(scene, x, loads, i) > 0.0;
   return any;
@@ -64,32 +64,33 @@ static int find_infeasible(const scene_t* scene, const real* x, const segment_t*
                            indeterminate_t* sets, int* set) {
   const double heaviest = 1.0 + max_abs(loads->force, MC), fastest = 1.0 + max_abs(loads->rate, MC);
   const real* d = segment->p.direction;
-  double most = 0.0;
+  double largest_excess = 0.0;
   int worst = -1;
   for (int i = 0; i < NU + NC; ++i) sets->set[i] = 0;
   if (scene->indeterminate && anything_beyond(scene, x, segment, loads)) find_sets_held(scene, x, segment, loads, sets);
   for (int k = 0; k < NC; ++k) {
-    const int number = (int)sets->set[NU + k];
-    const double beyond = number ? set_excess(segment, sets, number) : force_excess(scene, segment, loads, k) / heaviest;
+    const int set_number = (int)sets->set[NU + k];
+    const double beyond =
+        set_number ? set_excess(segment, sets, set_number) : force_excess(scene, segment, loads, k) / heaviest;
     const double excess = beyond > 0.0 ? beyond : rate_excess(segment, loads, k, fastest);
-    if (excess > most) {
-      most = excess;
+    if (excess > largest_excess) {
+      largest_excess = excess;
       worst = k;
-      *set = beyond > 0.0 ? number : 0;
+      *set = beyond > 0.0 ? set_number : 0;
     }
   }
   const real* a = loads->slope + NU;
   const double quickest = 1.0 + max_abs(a, NU), level = max_abs(scene->static_level, NU), highest = level > 0.0 ? level : 1.0;
   for (int i = 0; i < ND; ++i) {
     if (!rests(scene, x, i)) continue;
-    const int number = (int)sets->set[i];
-    const double excess = number        ? set_excess(segment, sets, number)
+    const int set_number = (int)sets->set[i];
+    const double excess = set_number    ? set_excess(segment, sets, set_number)
                           : d[i] == 0.0 ? joint_excess(scene, x, loads, i) / highest
-                                        : -d[i] * a[i] / quickest - SLACK;
-    if (excess > most) {
-      most = excess;
+                                        : -d[i] * a[i] / quickest - ACCELERATION_TOLERANCE;
+    if (excess > largest_excess) {
+      largest_excess = excess;
       worst = NC + i;
-      *set = number;
+      *set = set_number;
       if (first) return worst;
     }
   }
@@ -113,10 +114,11 @@ static void let_slip(answer_t* answer, const double* force) {
 /* Change the entry to a mode that satisfies the laws while the others are unchanged: 0 if none does. */
 static int pivot(const scene_t* scene, const real* x, segment_t* segment, const loads_t* loads, int entry) {
   if (entry >= NC) {
-    const int joint = entry - NC, turns = scene->constrained && segment->turned[joint] == 0.0 && !at_stop(scene, x, joint);
+    const int joint = entry - NC,
+              may_reverse = scene->constrained && segment->has_tried_reverse[joint] == 0.0 && !at_stop(scene, x, joint);
     real* d = segment->p.direction + joint;
-    segment->turned[joint] = *d != 0.0 && turns;
-    *d = *d == 0.0 ? sign_of(loads->load[joint]) : turns ? -*d : 0.0;
+    segment->has_tried_reverse[joint] = *d != 0.0 && may_reverse;
+    *d = *d == 0.0 ? sign_of(loads->load[joint]) : may_reverse ? -*d : 0.0;
     return 1;
   }
   LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
@@ -129,7 +131,7 @@ static int pivot(const scene_t* scene, const real* x, segment_t* segment, const 
   for (int i = 0; i < 3; ++i)
     c[i] = loads->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
   answer_t answer = solve_contact(block, c, scene->friction[entry], stick_limit(scene, segment, entry),
-                                  contact->slides != 0.0 ? contact->direction : 0);
+                                  contact->was_sliding != 0.0 ? contact->sliding_direction : 0);
   if (answer.state == UNSOLVABLE) return 0;
   if (answer.state == STICKS && mode->closed != 0.0 && mode->sticks != 0.0) let_slip(&answer, r); /* on the boundary */
   put_mode(mode, &answer);
@@ -145,13 +147,13 @@ static int solve_of_least_norm(const scene_t* scene, cones_t* cones, const mobil
   for (int i = 0; i < MC; ++i) trace += AT(mobility->W, MC, i, i);
   for (int i = 0; i < MC * MC; ++i) W[i] = mobility->W[i];
   for (int i = 0; i < MC; ++i) {
-    damping[i] = NEARER * scale_of(AT(W, MC, i, i), trace);
+    damping[i] = LEAST_NORM_DAMPING * scale_of(AT(W, MC, i, i), trace);
     AT(W, MC, i, i) += damping[i];
     c[i] = mobility->free[i];
   }
   cones->W = W;
   cones->c = c;
-  for (int turn = 0; turn < NEARER_TURNS && solved; ++turn) {
+  for (int step = 0; step < LEAST_NORM_STEPS && solved; ++step) {
     solved = solve_contacts(scene, cones, answers);
     for (int i = 0; i < MC; ++i) c[i] = mobility->free[i] - damping[i] * answers[i / 3].force[i % 3];
   }
@@ -168,19 +170,20 @@ static void solve_all_contacts(const scene_t* scene, const real* x, segment_t* s
   answer_t answers[NC + 1];
   LOCAL(cones_t, cones, cones_of, CONES);
   cones.friction = scene->friction;
-  cones.holding = limit;
+  cones.static_friction = limit;
   find_mobility(scene, x, segment, &mobility);
   for (int k = 0; k < NC; ++k) {
     limit[k] = with_static ? stick_limit(scene, segment, k) : scene->friction[k];
-    cones.slides[k] = segment->contact[k].slides;
-    cones.allowed[k] = segment->contact[k].touching;
-    for (int i = 0; i < 2; ++i) cones.direction[2 * k + i] = segment->contact[k].direction[i];
+    cones.was_sliding[k] = segment->contact[k].was_sliding;
+    cones.is_touching[k] = segment->contact[k].is_touching;
+    for (int i = 0; i < 2; ++i) cones.sliding_direction[2 * k + i] = segment->contact[k].sliding_direction[i];
   }
   if (!solve_of_least_norm(scene, &cones, &mobility, answers)) return;
   for (int k = 0; k < NC; ++k) {
     const double *r = answers[k].force, size = hypot(r[1], r[2]);
     /* On the boundary of its cone: where contacts are redundant, the forces of least norm would leave it. */
-    if (answers[k].state == STICKS && size >= (1.0 - EDGE) * limit[k] * r[0] && size > 0.0) let_slip(answers + k, r);
+    if (answers[k].state == STICKS && size >= (1.0 - LIMIT_TOLERANCE) * limit[k] * r[0] && size > 0.0)
+      let_slip(answers + k, r);
     put_mode(segment->p.contact + k, answers + k);
   }
 }
@@ -188,7 +191,7 @@ static void solve_all_contacts(const scene_t* scene, const real* x, segment_t* s
 /* Whether a contact touches or a joint that may be held is at rest; else there are no modes to find. */
 static int anything_rests(const scene_t* scene, const real* x, const segment_t* segment) {
   int any = 0;
-  for (int k = 0; k < NC; ++k) any |= segment->contact[k].touching != 0.0;
+  for (int k = 0; k < NC; ++k) any |= segment->contact[k].is_touching != 0.0;
   for (int i = 0; i < ND; ++i) any |= rests(scene, x, i);
   return any;
 }
@@ -215,11 +218,11 @@ static int try_all(const scene_t* scene, const real* x, segment_t* segment) {
   LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
   for (int i = 0; i < ND; ++i)
     if (rests(scene, x, i)) resting[count++] = i;
-  for (int i = 0; i < count && combinations <= MOST_COMBINATIONS; ++i) combinations *= 3;
-  for (int number = 0; number < (combinations < MOST_COMBINATIONS ? combinations : MOST_COMBINATIONS); ++number)
+  for (int i = 0; i < count && combinations <= COMBINATION_LIMIT; ++i) combinations *= 3;
+  for (int combination = 0; combination < (combinations < COMBINATION_LIMIT ? combinations : COMBINATION_LIMIT); ++combination)
     for (int with_static = 1; with_static >= 0; --with_static) {
       int set = 0;
-      for (int i = 0, rest = number; i < count; ++i, rest /= 3)
+      for (int i = 0, rest = combination; i < count; ++i, rest /= 3)
         segment->p.direction[resting[i]] = rest % 3 == 2 ? -1.0 : rest % 3;
       solve_all_contacts(scene, x, segment, with_static);
       find_loads(scene, x, segment, &loads);
@@ -232,7 +235,7 @@ static int try_all(const scene_t* scene, const real* x, segment_t* segment) {
 static int solve_modes(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
   LOCAL(loads_t, loads, loads_of, LOADS);
   LOCAL(indeterminate_t, sets, indeterminate_of, INDETERMINATE);
-  segment->turns = 0;
+  segment->has_turning = 0;
   guess_modes(scene, x, segment, geometry);
   if (!anything_rests(scene, x, segment)) return 1;
   for (int attempt = 0; attempt < 3; ++attempt) {

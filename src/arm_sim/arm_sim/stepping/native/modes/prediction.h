@@ -10,11 +10,11 @@
 #include "modes/geometry.h"
 #include "modes/loads.h"
 
-/* Whether loads at a step's stage at its end tell of those at its end: under error control they are the same, and without
- * internal states they do not swing within a step. */
-#define STEADY (scene->adaptive || NX == 2 * NU)
+/* Whether loads at a step's last stage stand for those at its end: under error control they are the same, and without internal
+ * states they do not swing within a step. */
+#define NEAR_LOADS_SERVE (scene->adaptive || NX == 2 * NU)
 
-#define NEAR 0.1 /* distance to a limit at which it may be reached within a step, relative to the limit */
+#define LIMIT_MARGIN 0.1 /* distance to a limit at which it may be reached within a step, relative to the limit */
 
 /* Bounds of a cubic by its Bernstein coefficients, from its ends and its slopes there. */
 static inline void bound_cubic(real begin, real slope, real end, real end_slope, real h, real* low, real* high) {
@@ -35,20 +35,28 @@ static inline void bound_inside(const scene_t* scene, const real* x, const real*
 }
 
 /* A predicted tick: what is given and known of it. An answer serves only a question with the same bits: NaN as modes or as
- * the end, which no question has, says that nothing is known there. The arrays are one after another, and `inside` is the
- * continuous output of the step from the beginning to the end: derivatives there, and the state in the middle. */
+ * the end, which no question has, says that nothing is known there. The arrays are one after another.
+ *
+ * x, u, p:        beginning of the tick, its command, and its probable modes
+ * length:         of the tick
+ * geometry:       places of contacts at the beginning
+ * anchor:         places of contacts in the tangents of their planes at the beginning
+ * loads:          at the beginning
+ * mobility:       at the beginning
+ * after:          state at the end, with contacts as the step leaves them
+ * geometry_after: places of contacts at the end
+ * closed:         positions and velocities at the end with closed contacts
+ * inside:         continuous output of the step: derivatives at both ends, and the state in the middle
+ * near_loads:     loads and forces at the step's stage at its end
+ * needs_...:      whether loads, mobility or closed contacts will be asked for
+ * has_near_loads: whether near_loads is known
+ */
 typedef struct {
-  double *x, *u, *p;         /* beginning of a tick, its command, and its probable modes */
-  double length;             /* of the tick */
-  double *geometry, *anchor; /* at its beginning */
-  int rests, slides, closes; /* whether loads, the mobility, and closed contacts will be asked for */
-  double *loads, *mobility;   /* at the beginning ... */
-  double *after, *geometry_after; /* ... and at the end, ... */
-  double *closed, *inside; /* ... which is this with closed contacts; the step */
-  int has_near;              /* whether this is known: ... */
-  double* near;              /* ... loads and forces at its stage at the end */
+  double *x, *u, *p, length, *geometry, *anchor, *loads, *mobility;
+  double *after, *geometry_after, *closed, *inside, *near_loads;
+  int needs_loads, needs_mobility, needs_closing, has_near_loads;
 } prediction_t;
-#define PREDICTION (5 * NX + 3 * NU + P_LENGTH + 2 * PLACES + 2 * NC + LOADS + MOBILITY + NEARS)
+#define PREDICTION (5 * NX + 3 * NU + P_LENGTH + 2 * PLACES + 2 * NC + LOADS + MOBILITY + NEAR_LOADS)
 
 static inline prediction_t prediction_of(const scene_t* scene, double* numbers) {
   prediction_t tick;
@@ -63,7 +71,7 @@ static inline prediction_t prediction_of(const scene_t* scene, double* numbers) 
   tick.geometry_after = tick.after + NX;
   tick.closed = tick.geometry_after + PLACES;
   tick.inside = tick.closed + 2 * NU;
-  tick.near = tick.inside + 3 * NX;
+  tick.near_loads = tick.inside + 3 * NX;
   return tick;
 }
 
@@ -73,10 +81,15 @@ static inline prediction_t prediction_of(const scene_t* scene, double* numbers) 
   prediction_t name[LANES]; \
   for (int lane = 0; lane < LANES; ++lane) name[lane] = prediction_of(scene, name##_room + lane * PREDICTION)
 
-/* A tick without events, for derivatives: one smooth motion. */
+/* A tick without events, for derivatives: one smooth motion.
+ *
+ * p:           its modes
+ * stick_limit: fraction of its normal force up to which a contact sticks
+ * begin, end:  states at the ends of the motion
+ * after:       state after the tick, with closed contacts
+ */
 typedef struct {
-  double *p, *stick_limit;     /* its modes, and the fraction of its normal force up to which a contact sticks */
-  double *begin, *end, *after; /* the motion's ends, and the state after the tick, with closed contacts */
+  double *p, *stick_limit, *begin, *end, *after;
 } event_free_t;
 #define EVENT_FREE (P_LENGTH + NC + 3 * NX)
 

@@ -6,33 +6,45 @@
 #pragma once
 #include "modes/mode_vector.h"
 
-/* A segment of a tick, for derivatives. */
+/* A segment of a tick, for derivatives.
+ *
+ * before_impact:      state before the impact with which it begins (NX)
+ * motion_begin:       state with which its motion begins (NX)
+ * motion_end:         state at the end of its motion, before its contacts are closed (NX)
+ * p:                  modes of its motion (P_LENGTH)
+ * stick_limit:        fraction of its normal force up to which a contact sticks (NC)
+ * impact_direction:   of joints in the impact: 0 where they took part in it at their stops (ND)
+ * departure_velocity: of joints that rebounded from their stops in the impact, else 0 (NU)
+ * rebound:            of contacts: speeds away from their planes after the impact (NC)
+ * impulse:            of contacts in the impact (MC)
+ * length:             duration of its motion
+ * closing_change:     largest change of positions and velocities by closing its contacts afterwards
+ * rebound_fraction:   fraction of the full rebound in the impact
+ * steps:              number of steps of its motion
+ * event_free:         whether no event ended it
+ * has_impact:         whether it began with an impact
+ */
 typedef struct {
-  real *before, *begin, *end; /* states before its impact, after it, and at the end of its motion */
+  real *before_impact, *motion_begin, *motion_end;
   modes_t p;
-  real* stick_limit;      /* fraction of its normal force up to which a contact sticks */
-  real length;            /* of its motion, ... */
-  long long steps;        /* ... and number of its steps */
-  int event_free;         /* whether no event ended it */
-  real closing_change;    /* largest change of positions and velocities by closing its contacts afterwards */
-  int has_impact;         /* whether it began with an impact, ... */
-  real rebound_fraction;  /* ... and the fraction of the full rebound */
-  real* impact_direction; /* of joints in the impact: 0 where they took part in it at their stops */
-  real* leaves;           /* velocities after the impact */
-  real *rebound, *impulse; /* of contacts: velocities after the impact, impulses */
+  real *stick_limit, *impact_direction, *departure_velocity, *rebound, *impulse;
+  real length, closing_change, rebound_fraction;
+  long long steps;
+  int event_free, has_impact;
 } record_t;
-#define RECORD (3 * NX + P_LENGTH + NC + ND + NU + 4 * NC)
+#define RECORD (3 * NX + P_LENGTH + NC + ND + NU + NC + MC)
+#define CLOSING_ROUNDING 1e-12 /* closing_change of contacts that were closed to rounding */
 
 static record_t record_of(const scene_t* scene, real* numbers) {
   record_t record;
-  record.before = numbers;
-  record.begin = record.before + NX;
-  record.end = record.begin + NX;
-  record.p = modes_of(scene, record.end + NX);
-  record.stick_limit = record.end + NX + P_LENGTH;
+  record.before_impact = numbers;
+  record.motion_begin = record.before_impact + NX;
+  record.motion_end = record.motion_begin + NX;
+  record.p = modes_of(scene, record.motion_end + NX);
+  record.stick_limit = record.p.all + P_LENGTH;
   record.impact_direction = record.stick_limit + NC;
-  record.leaves = record.impact_direction + ND;
-  record.rebound = record.leaves + NU;
+  record.departure_velocity = record.impact_direction + ND;
+  record.rebound = record.departure_velocity + NU;
   record.impulse = record.rebound + NC;
   record.length = record.closing_change = record.rebound_fraction = 0.0;
   record.steps = record.event_free = record.has_impact = 0;
@@ -40,12 +52,19 @@ static record_t record_of(const scene_t* scene, real* numbers) {
   return record;
 }
 
-/* A traced tick. */
+/* A traced tick.
+ *
+ * records:       of its segments
+ * numbers:       arrays of the records, RECORD numbers for each
+ * steps:         lengths of the steps of all segments, one after the other
+ * capacity:      records for which there is room
+ * step_capacity: steps for which there is room
+ * count:         how many segments there were, even if there was room for fewer
+ * step_count:    how many steps there were, even if there was room for fewer
+ * time_stepped:  whether its end was time-stepped
+ */
 typedef struct {
-  record_t* records; /* of its segments ... */
-  double* numbers;   /* ... with their numbers, ... */
-  double* steps;     /* ... and the lengths of their steps, one after the other */
-  long long most, most_steps; /* room for both ... */
-  long long count, step_count;     /* ... and how many there were, even if there was room for fewer */
-  long long time_stepped; /* whether its end was time-stepped */
+  record_t* records;
+  double *numbers, *steps;
+  long long capacity, step_capacity, count, step_count, time_stepped;
 } trace_t;

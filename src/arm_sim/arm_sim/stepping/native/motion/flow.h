@@ -21,41 +21,41 @@ static int within_reach(const scene_t* scene, const real* x) {
 }
 
 /* Whether equations without modes describe a motion of length h from x to `next`, or, where that is null, its beginning. */
-typedef int describes_t(const scene_t* scene, const real* x, const real* u, const real* next, double h);
+typedef int validity_t(const scene_t* scene, const real* x, const real* u, const real* next, double h);
 
-/* Motion over h from x under u by sub-steps under error control; `watch` may be null. */
-static int flow_controlled(const scene_t* scene, equation_t* attempt, describes_t* watch, const real* x, const real* u,
-                           const real* p, double h, control_t* c, real* after) {
-  control_t counted = *c;
-  substeps_t at = first_substep(h, c->step);
+/* Motion over h from x under u by sub-steps under error control; `is_valid` may be null. */
+static int adaptive_flow(const scene_t* scene, equation_t* attempt, validity_t* is_valid, const real* x, const real* u,
+                         const real* p, double h, control_t* control, real* after) {
+  control_t updated = *control;
+  substeps_t at = first_substep(h, control->step);
   real next[NX], error, error_q, trial;
   copy(after, x, NX);
-  for (long long k = 0; k < scene->most_substeps; ++k) {
+  for (long long k = 0; k < scene->substep_limit; ++k) {
     trial = next_length(&at, h);
-    if (watch && !watch(scene, after, u, 0, trial)) return 0;
+    if (is_valid && !is_valid(scene, after, u, 0, trial)) return 0;
     CALL(attempt, (after, u, p, &trial), (next, &error, &error_q));
-    ++counted.attempts;
-    const enum outcome outcome = control_step(scene, &at, h, error / c->tolerance, within_reach(scene, next));
+    ++updated.attempts;
+    const enum outcome outcome = control_step(scene, &at, h, error / control->tolerance, within_reach(scene, next));
     if (outcome == STEP_TOO_SMALL) break;
     if (outcome == REJECTED) continue;
-    if (watch && !watch(scene, after, u, next, trial)) return 0;
+    if (is_valid && !is_valid(scene, after, u, next, trial)) return 0;
     copy(after, next, NX);
-    counted.error += error_q;
+    updated.error += error_q;
     if (outcome != ENDED) continue;
-    counted.step = at.step;
-    *c = counted;
+    updated.step = at.step;
+    *control = updated;
     return 1;
   }
-  if (!watch) *c = counted; /* else the tick is made by other means */
+  if (!is_valid) *control = updated; /* else the tick is made by other means */
   return 0;
 }
 
-/* The same, by one step of fixed length or under error control. */
-static int flow(const scene_t* scene, equation_t* step, equation_t* attempt, describes_t* watch, const real* x, const real* u,
-                const real* p, double h, control_t* control, real* after) {
+/* Motion over h from x under u by one step of fixed length, or under error control; `is_valid` may be null. */
+static int flow(const scene_t* scene, equation_t* step, equation_t* attempt, validity_t* is_valid, const real* x,
+                const real* u, const real* p, double h, control_t* control, real* after) {
   const real length = h;
-  if (scene->adaptive) return flow_controlled(scene, attempt, watch, x, u, p, h, control, after);
-  if (watch && !watch(scene, x, u, 0, h)) return 0;
+  if (scene->adaptive) return adaptive_flow(scene, attempt, is_valid, x, u, p, h, control, after);
+  if (is_valid && !is_valid(scene, x, u, 0, h)) return 0;
   CALL(step, (x, u, p, &length), (after));
-  return within_reach(scene, after) && (!watch || watch(scene, x, u, after, h));
+  return within_reach(scene, after) && (!is_valid || is_valid(scene, x, u, after, h));
 }

@@ -9,9 +9,10 @@
 #include "scene.h"
 
 #define SAFETY 0.9       /* of the predicted length */
-#define LEAST_FACTOR 0.2 /* of a length from one sub-step to the next, ... */
-#define MOST_FACTOR 6.0  /* ... also where the error is rounding */
-#define SHORTEST 1e-12 /* sub-step, relative to the tick */
+#define LEAST_FACTOR 0.2 /* of a length from one sub-step to the next */
+#define MOST_FACTOR 6.0  /* of a length from one sub-step to the next, also where the error is rounding */
+#define TINY_ERROR 1e-10 /* relative to the tolerance: the next length is then MOST_FACTOR times this one */
+#define SHORTEST 1e-12   /* sub-step, relative to the tick */
 
 /* The sub-steps of a tick: times are relative to its beginning. */
 typedef struct {
@@ -38,7 +39,7 @@ static inline double next_length(substeps_t* at, double h) {
 
 /* What to do after an attempt. size: its error, relative to the tolerance; reached: whether its end is finite. */
 static inline enum outcome control_step(const scene_t* scene, substeps_t* at, double h, double size, int reached) {
-  double factor = size < 1e-10 ? MOST_FACTOR : SAFETY * pow(size, -1.0 / scene->order); /* NaN must shrink it */
+  double factor = size < TINY_ERROR ? MOST_FACTOR : SAFETY * pow(size, -1.0 / scene->order); /* NaN must shrink it */
   factor = !(factor > LEAST_FACTOR) || !reached ? LEAST_FACTOR : factor > MOST_FACTOR ? MOST_FACTOR : factor;
   if (!(size <= 1.0) || !reached) {
     at->step = at->trial * factor;

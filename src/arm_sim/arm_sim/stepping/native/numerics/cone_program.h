@@ -18,10 +18,10 @@
 #define MOST_CONES (2 * NU + NC + 2)
 
 #define CONIC_STEPS 80
-#define CONIC_GAP 1e-13  /* distance from the solution at which it is reached, ... */
-#define CONIC_LEFT 1e-7  /* ... and error of the dual equations */
-#define UNDETERMINED_PART 1e-14 /* pivot of the normal equations that is rounding, relative to the diagonal */
-#define TO_THE_EDGE 0.99 /* part of the way to the nearest edge of a cone that a step goes */
+#define CONIC_GAP 1e-13              /* duality gap at which the solution is reached */
+#define CONIC_RESIDUAL 1e-7          /* error of the dual equations at which the solution is reached */
+#define NORMAL_PIVOT_ROUNDING 1e-14  /* pivot of the normal equations that is rounding, relative to the diagonal */
+#define EDGE_FRACTION 0.99           /* of the way to the nearest edge of a cone that a step goes */
 
 /* h + G y is in cones of `size` rows each; G is stored row by row. */
 typedef struct {
@@ -80,9 +80,9 @@ static void factor_normal_matrix(int n, int m, const double* B, double* L) {
       for (int l = 0; l < m; ++l) L[n * i + j] += B[n * l + i] * B[n * l + j];
     }
   for (int k = 0; k < n; ++k) {
-    const double whole = L[n * k + k];
+    const double diagonal = L[n * k + k];
     for (int j = 0; j < k; ++j) L[n * k + k] -= L[n * k + j] * L[n * k + j];
-    L[n * k + k] = L[n * k + k] > UNDETERMINED_PART * whole ? sqrt(L[n * k + k]) : INFINITY;
+    L[n * k + k] = L[n * k + k] > NORMAL_PIVOT_ROUNDING * diagonal ? sqrt(L[n * k + k]) : INFINITY;
     for (int i = k + 1; i < n; ++i) {
       for (int j = 0; j < k; ++j) L[n * i + k] -= L[n * i + j] * L[n * k + j];
       L[n * i + k] /= L[n * k + k];
@@ -118,11 +118,11 @@ static int is_within(const conic_t* at, const double* s) {
 /* Direction in y, and in the scaled s and z, in which s o z changes by `change` and the dual equations are satisfied, of
  * scaled rows B whose normal equations have the factor L. */
 static void find_direction(const conic_t* at, const double* B, const double* L, const double* lambda, const double* change,
-                           const double* left, double* dy, double* ds, double* dz) {
+                           const double* residual, double* dy, double* ds, double* dz) {
   const int n = at->unknowns;
   for (int k = 0, i = 0; k < at->cones; i += at->size[k++]) divide(lambda + i, change + i, at->size[k], dz + i);
   for (int j = 0; j < n; ++j) {
-    dy[j] = -left[j];
+    dy[j] = -residual[j];
     for (int i = 0; i < at->rows; ++i) dy[j] += B[n * i + j] * dz[i];
   }
   solve_factored(n, L, dy);
@@ -153,29 +153,29 @@ static void find_change(const conic_t* at, const double* lambda, const double* d
 }
 
 /* Errors of the dual equations at z: returns the largest. */
-static double dual_residual(const conic_t* at, const double* z, double* left) {
+static double dual_residual(const conic_t* at, const double* z, double* residual) {
   const int n = at->unknowns;
   double worst = 0.0;
   for (int j = 0; j < n; ++j) {
-    left[j] = j == n - 1;
-    for (int i = 0; i < at->rows; ++i) left[j] -= at->G[n * i + j] * z[i];
-    worst = fmax(worst, fabs(left[j]));
+    residual[j] = j == n - 1;
+    for (int i = 0; i < at->rows; ++i) residual[j] -= at->G[n * i + j] * z[i];
+    worst = fmax(worst, fabs(residual[j]));
   }
   return worst;
 }
 
-/* Least last number of y, which begins inside the cones; at most `enough` is enough. z receives the dual solution. */
-static double least_last(const scene_t* scene, const conic_t* at, double* y, double* z, double enough) {
+/* Least last number of y, which begins inside the cones; no less than `goal` is searched for. z receives the dual solution. */
+static double least_last(const scene_t* scene, const conic_t* at, double* y, double* z, double goal) {
   const int n = at->unknowns, m = at->rows;
   double s[MOST_ROWS], lambda[MOST_ROWS], axis[MOST_ROWS], ds[MOST_ROWS], dz[MOST_ROWS], change[MOST_ROWS];
-  double left[MOST_UNKNOWNS], dy[MOST_UNKNOWNS], next[MOST_UNKNOWNS], factor[MOST_CONES];
+  double residual[MOST_UNKNOWNS], dy[MOST_UNKNOWNS], next[MOST_UNKNOWNS], factor[MOST_CONES];
   double B[MOST_ROWS * MOST_UNKNOWNS], L[MOST_UNKNOWNS * MOST_UNKNOWNS];
   find_slack(at, y, s);
   for (int k = 0, i = 0; k < at->cones; i += at->size[k++])
     for (int j = 0; j < at->size[k]; ++j) z[i + j] = j ? 0.0 : 1.0 / at->cones;
-  for (int turn = 0; turn < CONIC_STEPS && y[n - 1] > enough; ++turn) {
-    const double gap = dot(s, z, m), worst = dual_residual(at, z, left);
-    if (gap <= CONIC_GAP && worst <= CONIC_LEFT) break;
+  for (int step = 0; step < CONIC_STEPS && y[n - 1] > goal; ++step) {
+    const double gap = dot(s, z, m), worst = dual_residual(at, z, residual);
+    if (gap <= CONIC_GAP && worst <= CONIC_RESIDUAL) break;
     for (int k = 0, i = 0; k < at->cones; i += at->size[k++]) {
       const int rows = at->size[k];
       factor[k] = find_scaling(s + i, z + i, rows, axis + i);
@@ -190,11 +190,11 @@ static double least_last(const scene_t* scene, const conic_t* at, double* y, dou
     factor_normal_matrix(n, m, B, L);
     for (int i = 0; i < m; ++i) ds[i] = dz[i] = 0.0;
     find_change(at, lambda, ds, dz, 0.0, change);
-    find_direction(at, B, L, lambda, change, left, dy, ds, dz);
+    find_direction(at, B, L, lambda, change, residual, dy, ds, dz);
     const double missing = 1.0 - step_to_edge(at, lambda, ds, dz, 1.0);
     find_change(at, lambda, ds, dz, missing * missing * missing * gap / at->cones, change);
-    find_direction(at, B, L, lambda, change, left, dy, ds, dz);
-    const double length = step_to_edge(at, lambda, ds, dz, TO_THE_EDGE);
+    find_direction(at, B, L, lambda, change, residual, dy, ds, dz);
+    const double length = step_to_edge(at, lambda, ds, dz, EDGE_FRACTION);
     for (int j = 0; j < n; ++j) next[j] = y[j] + length * dy[j];
     find_slack(at, next, s);
     if (!is_within(at, s)) break;

@@ -6,7 +6,7 @@
 #pragma once
 #include <math.h>
 
-#define DEPENDS 1e-10 /* pivot of an elimination that is rounding, where all columns are of size 1 */
+#define DEPENDENCE_ROUNDING 1e-10 /* pivot of an elimination that is rounding, where all columns are of size 1 */
 
 static void swap(double* a, double* b) {
   const double swapped = *a;
@@ -41,7 +41,7 @@ static int solve_linear(int n, double* A, double* b) {
 static void eliminate(int rows, int columns, double* T, int begin, int end, int* basic) {
   for (;;) {
     int row = -1, column = 0;
-    double largest = DEPENDS;
+    double largest = DEPENDENCE_ROUNDING;
     for (int i = 0; i < rows; ++i)
       for (int j = begin; j < end && basic[i] < 0; ++j)
         if (fabs(T[columns * i + j]) > largest) {

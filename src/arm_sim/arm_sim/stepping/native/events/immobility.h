@@ -22,9 +22,9 @@ static int rank_of(const scene_t* scene, real* W) {
   return count;
 }
 
-/* Whether friction, constraints and contacts leave no degree of freedom. None is counted twice: the rank of
- * constraints is that of the joints that slide, and the mobility of contacts that which both leave. */
-static int is_held(const scene_t* scene, const real* x, const segment_t* segment) {
+/* Whether an arm is held completely. No degree of freedom is counted twice: the rank of constraints is that of the joints that
+ * slide, and the mobility of contacts that which both leave. */
+static int is_immobile(const scene_t* scene, const real* x, const segment_t* segment) {
   if (max_abs(x + NU, NU) > REST_SPEED) return 0;
   LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   int free = NU;
