@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -98,8 +97,7 @@ class Planner:
         of_study = keys.values_below(group.values, *keys.OF_STUDY)
         of_scene = {k: v for k, v in group.values.items() if k not in of_study}
         levels = {key: _SOME_FRICTION for key in group.slots if keys.tunable(key) == "coulomb"}
-        with _in_messages("vary"):
-            content = keys.with_values(base, of_scene | levels)
+        content = keys.with_values(base, of_scene | levels)
         tuned = [keys.tunable(key) for key in group.slots]
         content["tunable"] = list(dict.fromkeys([*content.get("tunable", ()), *tuned]))
         loop = self._loop(of_study)
@@ -154,8 +152,7 @@ class Planner:
         }
         if isinstance(values.get("controller"), str):  # whose settings stay
             values = {"controller.name" if k == "controller" else k: v for k, v in values.items()}
-        with _in_messages("vary"):
-            return keys.with_values(loop, values)
+        return keys.with_values(loop, values)
 
     def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
         """The content of a scene file with the study's changes merged into it."""
@@ -163,9 +160,11 @@ class Planner:
         if name not in self._contents:
             content = _content(load_scene(scene))
             if self.study.changes:
-                with _in_messages("changes"):
-                    changed = keys.overlaid(content, self.study.changes)
+                changed = keys.overlaid(content, self.study.changes)
+                try:
                     content = _content(load_scene(changed))
+                except SceneError as error:
+                    raise SceneError(f"study: 'changes': {error}") from None
             self._contents[name] = content
         return self._contents[name]
 
@@ -189,17 +188,6 @@ class Planner:
                 if places := _places(content, key, name):
                     slots[key] = places
         return slots
-
-
-@contextmanager
-def _in_messages(key: str) -> Iterator[None]:
-    """Add a key of the study to error messages."""
-    try:
-        yield
-    except SceneError as error:
-        if str(error).startswith("study: "):
-            raise
-        raise SceneError(f"study: '{key}': {error}") from None
 
 
 def _content(scene: Scene) -> dict[str, Any]:

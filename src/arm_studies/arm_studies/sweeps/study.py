@@ -32,14 +32,7 @@ def _a_scene(value: object) -> object:
     return value
 
 
-def _count(value: object) -> object:
-    if isinstance(value, bool):
-        raise ValueError("a whole number is expected, not true or false")
-    return value
-
-
 SceneName = Annotated[str | dict[str, Any], pydantic.BeforeValidator(_a_scene)]
-Count = Annotated[pydantic.StrictInt, pydantic.BeforeValidator(_count)]
 
 
 class Varied(Part):
@@ -160,9 +153,9 @@ class Study(Part):
     controller: ControllerChoice = ControllerChoice()
     motion: MotionChoice = MotionChoice()
     vary: dict[str, Varied] = {}
-    samples: Annotated[Count, pydantic.Field(ge=1, le=10_000_000)] = 1
+    samples: Annotated[pydantic.StrictInt, pydantic.Field(ge=1, le=10_000_000)] = 1
     sampling: Literal["random", "latin_hypercube"] = "random"
-    seed: Annotated[Count, pydantic.Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[pydantic.StrictInt, pydantic.Field(ge=0, lt=2**63)] = 0
     metrics: tuple[str, ...] = (
         "tracking_rms", "tracking_max", "overshoot", "energy", "saturation", "stop_time",
     )  # fmt: skip

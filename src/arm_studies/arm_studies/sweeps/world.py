@@ -25,7 +25,7 @@ from arm_sim.stepping import Batch, Rollouts, Stepper
 from arm_studies.sweeps import course
 from arm_studies.sweeps.controllers import IMPERFECT, controller_of, gains, law, runs_compiled
 from arm_studies.sweeps.keys import tunable, values_below, with_values
-from arm_studies.sweeps.metrics import MeasuredRun, measured
+from arm_studies.sweeps.metrics import RunRecord, evaluate
 from arm_studies.sweeps.runs import DONE, Job, Recipe, Row
 from arm_studies.sweeps.study import ControllerChoice, MotionChoice, validated
 
@@ -147,11 +147,11 @@ class World:
     def _row(self, run: _Run, q: Array, torque: Array, command: Array) -> Row:
         """Metrics of positions, torques and commands."""
         model, n = self._simulator.model, len(self.joint_names)
-        measurements = MeasuredRun(
+        record = RunRecord(
             dt=self._simulator.dt, q=q, reference=run.rows[:, :n], torque=torque, command=command,
             limit=model.standing_limit, stops=model.stops.place,
         )  # fmt: skip
-        values = measured(measurements, self._recipe.metrics, self.joint_names)
+        values = evaluate(record, self._recipe.metrics, self.joint_names)
         return Row(run.job.index, DONE, "", tuple(values))
 
     def _alone(self, run: _Run) -> Row:
