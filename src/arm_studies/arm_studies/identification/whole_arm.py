@@ -21,12 +21,12 @@ from arm_studies.identification import checks, parameters
 from arm_studies.identification.data import JointRecord
 from arm_studies.identification.identified_scene import scene_with
 from arm_studies.identification.regression import bandwidth, irregularities, uncertainty
+from arm_studies.identification.regression.consistent_fit import consistent_fit
 from arm_studies.identification.regression.efforts import NOMINAL_ERRORS, scales_of, with_age
 from arm_studies.identification.regression.estimation import NOISELESS, Prior, Problem
 from arm_studies.identification.regression.evidence import most_evident
 from arm_studies.identification.regression.fit import Fit, fitted
-from arm_studies.identification.regression.friction import COULOMB, JointFit
-from arm_studies.identification.regression.matching import SIMPLE
+from arm_studies.identification.regression.friction import COULOMB, SIMPLE, JointFit
 from arm_studies.identification.regression.regressor import PER_BODY, RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows, Sampled
 from arm_studies.identification.regression.rows.samples import HELD_OUT
@@ -105,11 +105,11 @@ def identify(
     fit, remarks = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=aged)
     notes += remarks
     report("selecting friction laws by cross-validation")
-    fit, remarks = _with_selected_laws(fit.with_problem(prior=most_evident(fit, prior)))
+    fit, remarks = _with_selected_laws(fit.unfitted(prior=most_evident(fit, prior)))
     notes += remarks
     fit = tabled(fit)
     report("fitting all parameters")
-    fits = _consistent(fit.with_problem(prior=most_evident(fit, prior)))
+    fits = _consistent(fit.unfitted(prior=most_evident(fit, prior)))
     return _judged(
         fits, ranges, held_out, notes, check_units=effort != "scale" and not known_masses,
         accept_worse=accept_worse,
@@ -214,7 +214,7 @@ def _with_selected_laws(fit: Fit) -> tuple[Fit, list[str]]:
         before, fit = fit.rows, bandwidth.with_bandwidth(fit)
         if np.array_equal(kept, use) and fit.rows is before:
             break
-        fit = fit.with_problem(use=kept)
+        fit = fit.unfitted(use=kept)
     return fit, notes
 
 
@@ -237,18 +237,18 @@ class _Fits(NamedTuple):
 def _consistent(fit: Fit) -> _Fits:
     """Fit possible bodies to the rows that are not held out, and to all rows."""
     rows = fit.rows
-    trial = fit.again(consistent=True)
+    trial = consistent_fit(fit.refitted())
     whole = fit.problem.use | (rows.samples.use & ~rows.samples.train[:, None])
-    final = trial.again(use=irregularities.without_outliers(trial, whole)[0], consistent=True)
-    strict = final.again(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
+    use, _ = irregularities.without_outliers(trial, whole)
+    final = consistent_fit(trial.refitted(use=use))
+    strict = final.refitted(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
     laws = parameters.without_doubtful(strict)
     if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
-        use = final.problem.use
-        lean = fitted(final.problem, laws, consistent=True)
+        lean = consistent_fit(fitted(final.problem, laws))
         before, after = (bandwidth.mean_residual(fit.residual, use) for fit in (final, lean))
         if after < LEAN_RATIO * before:
-            trial, final = fitted(trial.problem, laws, consistent=True), lean
-            strict = final.again(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
+            trial, final = consistent_fit(fitted(trial.problem, laws)), lean
+            strict = final.refitted(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
     return _Fits(trial, final, strict)
 
 
@@ -312,7 +312,7 @@ def _scene(
     again = RigidRegressor(ArmModel(scene)).nominal  # it has the bodies that were identified
     if not np.allclose(again, fit.theta, rtol=1e-6, atol=1e-9 * abs(fit.theta).max()):
         raise InvalidInput("the identified inertias could not be written into the URDF")
-    if fit.changed:
+    if fit.is_corrected:
         notes.append(
             "the unconstrained fit is physically inconsistent; the best consistent one is used"
         )
@@ -332,5 +332,5 @@ def _torques(trial: Fit, final: Fit, nominal: Array) -> Torques:
         time=np.concatenate([m.time for m in rows.samples.motions]), measured=valid(rows.effort),
         predicted=np.where(rows.samples.use, predicted, np.nan), nominal=valid(nominal),
         v=rows.samples.v, held_out=~rows.samples.train,
-        friction=valid(rows.effort - after + final.own_predicted(rows)),
+        friction=valid(rows.effort - after + final.predicted_friction(rows)),
     )  # fmt: skip

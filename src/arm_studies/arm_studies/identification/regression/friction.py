@@ -134,3 +134,6 @@ class JointFit:
             factor = growth if kind in DRY else 1.0
             total += self.coefficients.get(kind, 0.0) * factor * self.shape.unloaded(kind, v)
         return total
+
+
+SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))  # of joints whose law is not selected yet

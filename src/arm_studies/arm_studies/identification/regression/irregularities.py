@@ -80,7 +80,7 @@ def drifts(fit: Fit) -> list[str]:
     The residual along the motion, averaged over each of ``BLOCKS`` blocks, then has a slope over
     time that is significant against its scatter.
     """
-    rows, own, notes = fit.rows, fit.columns.own_predicted(fit.x), []
+    rows, own, notes = fit.rows, fit.columns.predicted_friction(fit.x), []
     for j, name in enumerate(rows.samples.names):
         used = np.flatnonzero(fit.problem.use[:, j] & (rows.samples.v[:, j] != 0.0))
         size = float(np.mean(abs(own[used, j]))) if used.size else 0.0

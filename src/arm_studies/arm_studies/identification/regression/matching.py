@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Prior, Problem, solved
-from arm_studies.identification.regression.friction import COULOMB, COULOMB_SKEW, VISCOUS, JointFit
+from arm_studies.identification.regression.friction import SIMPLE
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.uncertainty import NORMAL_95
 
-SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))
 # Relative residual that is as unlikely as one standard deviation of the bodies.
 BODY_RESIDUAL = 0.1
 # Relative residual above which a joint's own motion does not explain its efforts, and below which

@@ -76,7 +76,7 @@ def _first_table(fit: Fit, j: int, count: int) -> JointFit:
     shapes = [replace(own.shape, load=1.0, points=points) for points in tables]
     laws = [JointFit((VISCOUS, COULOMB)), *(JointFit((COULOMB,), shape) for shape in shapes)]
     table = np.hstack([fit.rows.friction(law, j, load) for law in laws])[use]
-    y = (fit.residual + fit.columns.own_predicted(fit.x))[use, j]
+    y = (fit.residual + fit.columns.predicted_friction(fit.x))[use, j]
     least, best = np.inf, own
     for k, shape in enumerate(shapes):
         A = table[:, [0, 1, 2 + k]]

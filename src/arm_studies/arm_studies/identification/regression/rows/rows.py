@@ -12,6 +12,7 @@ import numpy as np
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.springs import SpringTerms
 from arm_studies.identification.data import JointRecord, interpolated
 from arm_studies.identification.preparation.even_record import EvenRecord, common_band, resampled
 from arm_studies.identification.regression.friction import EXCESS, JointFit
@@ -105,9 +106,11 @@ class Rows:
     @cached_property
     def known_torques(self) -> Array:
         """Torques of payloads and springs, which are known, filtered, shape (k, n)."""
-        regressor = self.samples.regressor
-        springs = self.of_joints(regressor.spring(self.samples.q, self.samples.v))
-        return np.asarray(self.rigid @ regressor.payload + springs)
+        samples, payload = self.samples, self.rigid @ self.samples.regressor.payload
+        terms, torques = SpringTerms(samples.regressor.model), np.zeros_like(samples.q)
+        if terms.springs:
+            torques[:] = [terms.torque(*row) for row in zip(samples.q, samples.v, strict=True)]
+        return np.asarray(payload + self.of_joints(torques))
 
     @cached_property
     def inertia(self) -> Array:
