@@ -89,15 +89,14 @@ def repaired(record: JointRecord) -> JointRecord:
 
 def _evened(record: JointRecord, band: float, dt: float) -> JointRecord:
     """The recording at even times if these explain the noise of its positions."""
-    late = np.zeros(len(record.time))
-    even = np.linspace(record.time[0], record.time[-1], len(late))
+    even = np.linspace(record.time[0], record.time[-1], len(record.time))
     off = float((record.time - even).std())
     if off < LEAST_ERROR * dt:
         return record
     corrected = replace(record, time=read_only(even))
     step = float(even[1] - even[0])
-    before, _ = _deviations(record, late, band, dt)
-    after, _ = _deviations(corrected, late, band, step)
+    before, _ = _deviations(record, 0.0, band, dt)
+    after, _ = _deviations(corrected, 0.0, band, step)
     ratio = _share(record, after, before)
     if ratio >= 1.0 - EXPLAINED_FRACTION:
         return record
@@ -116,9 +115,11 @@ def _share(record: JointRecord, after: Array, before: Array) -> float:
     return float(np.median((after**2).mean(axis=0)[moving] / (before**2).mean(axis=0)[moving]))
 
 
-def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tuple[Array, Array]:
+def _deviations(
+    record: JointRecord, delay: Array | float, band: float, dt: float
+) -> tuple[Array, Array]:
     """Deviations of positions from the smoothed motion, and its velocities, shapes (k, n)."""
-    low_pass, time = ZeroPhase(band, dt), record.time - late
+    low_pass, time = ZeroPhase(band, dt), record.time - delay
     grid = time[0] + dt * np.arange(round(float(time[-1] - time[0]) / dt) + 1)
     even = interpolated(grid, time, record.q)
     smooth, slope = (interpolated(time, grid, low_pass(even, order)) for order in (0, 1))

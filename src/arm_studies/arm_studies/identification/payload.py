@@ -59,11 +59,11 @@ class PayloadEstimate:
         """A summary: each number with its interval, and what is not determined."""
         lines = []
         for name, value, unit in self.rows():
-            low, high = self.intervals.get(name, (np.nan, np.nan))
-            span = f", {low:.4g} to {high:.4g}" if name in self.intervals else ""
-            span += " (scatter)" if name in self.scatter else ""
-            about = ": the motion does not determine it" if name in self.missing else span
-            lines.append(f"{name} {value:.4g} {unit}{about}")
+            interval = self.intervals.get(name)
+            remark = ", {:.4g} to {:.4g}".format(*interval) if interval else ""
+            remark += " (scatter)" if name in self.scatter else ""
+            remark = ": the motion does not determine it" if name in self.missing else remark
+            lines.append(f"{name} {value:.4g} {unit}{remark}")
         return f"<PayloadEstimate on {self.payload.frame}:\n  " + "\n  ".join(lines) + ">"
 
     def rows(self) -> list[tuple[str, float, str]]:

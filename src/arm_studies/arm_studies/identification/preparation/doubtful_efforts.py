@@ -55,9 +55,8 @@ def saturated(effort: Array) -> NDArray[np.bool_]:
     """Samples in long runs of one and the same extreme value, shape (k, n)."""
     clipped = np.zeros(effort.shape, bool)
     for i, column in enumerate(effort.T):
-        for extreme in (np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)):
+        least, largest = np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)
+        for extreme in (least, largest) if least < largest else ():  # ``checks`` refuses constants
             for start, end in runs(column == extreme):
                 clipped[start:end, i] |= end - start >= SATURATED
-        if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
-            clipped[:, i] = False  # a constant effort is refused in ``checks``
     return clipped
