@@ -29,11 +29,11 @@ def two_link(**friction):
     return ArmModel(load_scene(scene))
 
 
-def told(coefficients, shape, refused=0.0, model=None):
+def told(coefficients, shape, steepness=0.0, model=None):
     """The notes, and the friction of the shoulder in a scene that can be simulated."""
     model = model or ArmModel(load_scene("two_link"))
     values, notes = {terms.VISCOUS: 0.1, terms.COULOMB: 1.0, **coefficients}, []
-    laws = [terms.JointFit(tuple(values), shape, values, refused), None]
+    laws = [terms.JointFit(tuple(values), shape, values, steepness), None]
     nominal = RigidRegressor(model).nominal
     found = scene_with(model, nominal, np.full(model.n, np.nan), laws, notes)
     return notes, ArmModel(found).scene.joints["shoulder"].friction

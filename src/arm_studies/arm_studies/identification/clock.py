@@ -43,7 +43,7 @@ def without_repeats(record: JointRecord) -> JointRecord:
     return replace(record.rows(~repeated), notes=(*record.notes, note))
 
 
-def repaired(record: JointRecord) -> JointRecord:
+def with_corrected_stamps(record: JointRecord) -> JointRecord:
     """The recording with corrected time stamps, if they cause most of its noise.
 
     A stamp that is late by δ shifts the position of *every* joint by q̇ δ. So n positions at one
@@ -64,7 +64,7 @@ def repaired(record: JointRecord) -> JointRecord:
     dt = float(np.median(np.diff(record.time)))
     late = np.zeros(len(record.time))
     band = min(chosen_band(record.q, dt, MOTION_RATIO / NOISE_RATIO), 0.5 * WIDEST / dt)
-    record = _evened(record, band, dt)
+    record = _with_even_times(record, band, dt)
     before, _ = _deviations(record, late, band, dt)
     for _ in range(ROUNDS):
         deviation, velocity = _deviations(record, late, band, dt)
@@ -87,7 +87,7 @@ def repaired(record: JointRecord) -> JointRecord:
     return replace(record, time=read_only(time), notes=(*record.notes, note))
 
 
-def _evened(record: JointRecord, band: float, dt: float) -> JointRecord:
+def _with_even_times(record: JointRecord, band: float, dt: float) -> JointRecord:
     """The recording at even times if these explain the noise of its positions."""
     even = np.linspace(record.time[0], record.time[-1], len(record.time))
     off = float((record.time - even).std())

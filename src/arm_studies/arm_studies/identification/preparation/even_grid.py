@@ -7,7 +7,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification.data import JointRecord, interpolated, listed
+from arm_studies.identification.data import JointRecord, in_words, interpolated
 
 # Steps without a sample that split a recording; over shorter holes the filter gets interpolated
 # values, and only the samples that are missing are left out.
@@ -29,7 +29,7 @@ def pieces(record: JointRecord, step: float, start: float) -> tuple[list[JointRe
     cuts, notes = np.flatnonzero(np.diff(record.time) > GAP * step) + 1, []
     if cuts.size:
         gaps = np.column_stack([record.time[cuts - 1], record.time[cuts]]) - start
-        notes.append(f"the motion has gaps ({listed(gaps)}); nothing is used near them")
+        notes.append(f"the motion has gaps ({in_words(gaps)}); nothing is used near them")
     edges = [0, *cuts.tolist(), len(record.time)]
     spans = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
     long = [s for s in spans if s.stop - s.start >= SHORTEST]
@@ -47,7 +47,7 @@ def mean_step(stretches: list[JointRecord], step: float) -> float:
     """The mean step in [s] if times are even, so that no drift adds up; else the median.
 
     Args:
-        stretches: Those of a recording.
+        stretches: All stretches of a recording.
         step: The median.
     """
     longest = max(stretches, key=lambda stretch: len(stretch.time))

@@ -23,7 +23,7 @@ def consistent_fit(fit: Fit) -> Fit:
     nominal, n = problem.prior.x0, fit.rows.samples.n
     armatures = range(len(nominal), len(nominal) + n)
     moving = [i for i in armatures if np.linalg.norm(R[:, i]) > 0.0]
-    movable = estimation.with_mass(nominal)
+    movable = estimation.places_of_bodies(nominal)
     has_bodies = all(bodies.consistent(x[body], LEAST_EIGENVALUE) for body in movable)
     if has_bodies and (x[moving] >= 0.0).all():
         return fit

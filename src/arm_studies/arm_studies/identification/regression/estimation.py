@@ -43,7 +43,7 @@ class Common:
 
     @classmethod
     def of(cls, rows: Rows, use: Mask, j: int) -> Common:
-        """Of one joint, which does not carry the bodies before it."""
+        """Columns of joint ``j``, which does not carry the bodies before it."""
         columns = np.hstack([rows.rigid[:, j], rows.inertia[:, j : j + 1]])
         carried = columns.any(axis=0)
         Q, R = np.linalg.qr(columns[use[:, j]][:, carried])
@@ -70,7 +70,7 @@ class Columns:
 
     @classmethod
     def of(cls, common: Sequence[Common], friction: Sequence[Array]) -> Columns:
-        """Of bodies, armatures, then friction, joint by joint."""
+        """Columns of bodies, armatures, then friction, joint by joint."""
         numbers = common[0].columns.shape[1] - 1
         start, places = numbers + len(common), []
         for j, columns in enumerate(friction):
@@ -174,7 +174,7 @@ class Prior:
         Args:
             nominal: Ten inertial parameters of each body.
             mass: Relative standard deviation of densities.
-            shape: That of all else.
+            shape: Relative standard deviation of all else.
             known_masses: Places of masses in x, and their sum in [kg], which is exact.
         """
         x0, rows = nominal.copy(), np.zeros((len(nominal), len(nominal)))
@@ -238,7 +238,7 @@ class Problem:
         return self.prior.combined(*self.data(columns, weights))
 
 
-def with_mass(nominal: Array) -> list[slice]:
+def places_of_bodies(nominal: Array) -> list[slice]:
     """Places of the bodies that have a mass."""
     bodies = np.flatnonzero(nominal[::PER_BODY] > MASSLESS_BELOW).tolist()
     return [slice(PER_BODY * body, PER_BODY * (body + 1)) for body in bodies]
@@ -268,7 +268,7 @@ def consistent_solution(
         positive: Indices of coefficients that must not be negative.
     """
     x = start.copy()
-    movable = with_mass(nominal)
+    movable = places_of_bodies(nominal)
     barriers = 4 * len(movable) + len(positive)
     cost = max(float(np.sum((R @ x - z) ** 2)), 1.0)
     sharpness = barriers / cost

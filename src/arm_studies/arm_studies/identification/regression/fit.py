@@ -235,7 +235,7 @@ def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:
         fastest: Largest speed of the joint, at which friction must have changed from its level at
             rest; else the change is viscous friction.
     """
-    c, shape, refused = law.coefficients, law.shape, law.refused
+    c, shape, steepness = law.coefficients, law.shape, law.steepness
     kinds = [k for k in law.kinds if k in SIGNED or c[k] > 0.0]
     level = c.get(friction.COULOMB, 0.0)
     if friction.EXCESS in kinds and (
@@ -252,11 +252,11 @@ def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:
         at, factor = shape.table
         growth = level * float((np.diff(factor) / np.diff(at)).max())  # torque over load
         if growth > friction.LARGEST_GROWTH:
-            refused = growth
+            steepness = growth
         if (
             friction.COULOMB not in kinds
             or shape.load <= LEAST_LOAD
             or growth > friction.LARGEST_GROWTH
         ):
             shape = replace(shape, load=None)
-    return replace(law, kinds=tuple(kinds), shape=shape, refused=refused)
+    return replace(law, kinds=tuple(kinds), shape=shape, steepness=steepness)

@@ -106,14 +106,14 @@ class JointFit:
         kinds: Coefficients of ``LINEAR`` that are estimated.
         shape: Its nonlinear parameters.
         coefficients: Values by kind.
-        refused: Growth with the load that was left out because it is too steep, relative to the
+        steepness: Growth with the load that was left out because it is too steep, relative to the
             load; 0 if none was.
     """
 
     kinds: tuple[str, ...]
     shape: Shape = Shape()
     coefficients: dict[str, float] = field(default_factory=dict)
-    refused: float = 0.0
+    steepness: float = 0.0
 
     @property
     def nonlinear(self) -> list[ShapeParameter]:
@@ -136,4 +136,4 @@ class JointFit:
         return total
 
 
-SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))  # of joints whose law is not selected yet
+SIMPLE_LAW = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))  # of joints whose law is not selected yet
