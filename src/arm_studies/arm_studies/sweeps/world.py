@@ -30,9 +30,9 @@ from arm_studies.sweeps.runs import DONE, Job, Recipe, Row
 from arm_studies.sweeps.study import ControllerChoice, MotionChoice, validated
 
 _LOOP = ("initial", "motion", "controller")  # keys of what is not the arm
-_FEWEST = 3  # smallest number of runs for which SIMD is worthwhile
+_LEAST_LANES = 3  # smallest number of runs for which SIMD is worthwhile
 _MOST_VALUES = 4_000_000  # largest number of values of runs that are simulated together
-_CACHED = 64  # number of courses, and of gains, of a world that are kept
+_CACHE_SIZE = 64  # number of courses, and of gains, of a world that are kept
 
 
 class World:
@@ -64,8 +64,8 @@ class World:
         self._nominal = simulator.arm.parameters
         self._slots = {key: list(places) for key, places in recipe.slots}
         # By their arguments as JSON, since mappings cannot be keys of a cache.
-        self._course_of = lru_cache(_CACHED)(self._course)
-        self._gains_of = lru_cache(_CACHED)(
+        self._course_of = lru_cache(_CACHE_SIZE)(self._course)
+        self._gains_of = lru_cache(_CACHE_SIZE)(
             lambda name, settings: gains(name, dynamics, Settings(**json.loads(settings)))
         )
 
@@ -106,7 +106,7 @@ class World:
         size = (self._ticks + 1) * (self._simulator.arm.plant.nx + len(self.joint_names))
         for group in groups.values():
             for part in batched(group, max(1, _MOST_VALUES // size)):
-                if len(part) >= _FEWEST:
+                if len(part) >= _LEAST_LANES:
                     rows |= self._side_by_side(part)
                 for run in part:
                     if run.job.index not in rows:
