@@ -31,8 +31,7 @@ template <class Function> void ExportedArm::find(Function*& function, const char
   const std::string symbol = name_ + "_" + suffix;
   function = reinterpret_cast<Function*>(dlsym(library_.get(), symbol.c_str()));
   if (!function && is_required)
-    throw std::runtime_error("library = '" + path_ + "' has no " + symbol
-                             + "; export it again with ./arm export --tick");
+    throw std::runtime_error("library = '" + path_ + "' has no " + symbol + "; export it again with ./arm export --tick");
 }
 
 ExportedArm::ExportedArm(const std::string& path) : path_(path), name_(name_of(path)) {

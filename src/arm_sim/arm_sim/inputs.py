@@ -50,9 +50,8 @@ def check_torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> A
             + "; ClosedLoop(scene, 'NAME') makes controllers by name"
             * isinstance(control, str)
         )
-    table = vector_or_batch(
-        "control", np.zeros(count(joints)) if control is None else control, joints
-    )
+    torques = np.zeros(count(joints)) if control is None else control
+    table = vector_or_batch("control", torques, joints)
     if table.ndim == 2 and len(table) != ticks:
         raise InvalidInput(f"control has {len(table)} rows; the run {ticks} time steps of {dt} s")
     return np.ascontiguousarray(table)

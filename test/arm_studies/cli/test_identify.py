@@ -104,15 +104,14 @@ def test_a_payload_alone(table, tmp_path):
 
 def test_refusals_leave_nothing_behind(table, tmp_path):
     out = tmp_path / "a.yaml"
+    given = table, "--scene", "two_link", "--out", out
     for arguments, said in (
         ((table, "--scene", "panda", "--out", out), "no joint matches panda_joint1"),
         ((table, "--scene", "two_link", "--out", tmp_path / "a.txt"), "allowed: .yaml"),
-        ((table, "--scene", "two_link", "--out", out, "--mass", "elbow"), "JOINT=KG"),
-        ((table, "--scene", "two_link", "--out", out, "--map", "hip=y"), "no joint 'hip'"),
-        (
-            (table, "--scene", "two_link", "--out", out, "--payload", "tip", "--total-mass", "3"),
-            "not allowed with it",
-        ),
+        ((*given, "--mass", "elbow"), "JOINT=KG"),
+        ((*given, "--map", "hip=y"), "no joint 'hip'"),
+        ((*given, "--payload", "tip", "--total-mass", "3"), "not allowed with it"),
+        ((*given, "--effort", "scale", "--per-unit", "elbow=1"), "one of them is expected"),
         ((table, "--out", out), "Missing option '--scene'"),
     ):
         done = typed(*arguments)

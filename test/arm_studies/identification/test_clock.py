@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.clock import repaired, without_repeats
+from arm_studies.identification.clock import with_corrected_stamps, without_repeats
 
 T = np.arange(0.0, 30.0, 0.03)
 W = 2.0 * np.pi * np.array([0.2, 0.27, 0.31, 0.4])
@@ -19,7 +19,7 @@ def record(late, noise):
 
 def test_late_stamps_are_put_right():
     late = 0.004 * np.random.default_rng(1).standard_normal(len(T))
-    made = repaired(record(late, 0.0))
+    made = with_corrected_stamps(record(late, 0.0))
     left = (made.time - (T - late))[30:-30]
     assert np.std(left) < 0.4 * np.std(late)
     assert "time stamps were off by" in made.notes[-1]
@@ -28,13 +28,13 @@ def test_late_stamps_are_put_right():
 def test_noise_of_each_joint_by_itself_is_not_blamed_on_the_clock():
     noise = 2e-3 * np.random.default_rng(2).standard_normal((len(T), 4))
     for told in (record(np.zeros_like(T), noise), record(np.zeros_like(T), 0.0)):
-        assert repaired(told) is told
+        assert with_corrected_stamps(told) is told
 
 
 def test_samples_of_an_even_clock_under_stamps_of_the_transport():
     jitter = np.clip(0.006 * np.random.default_rng(3).standard_normal(len(T)), -0.014, 0.014)
     told = record(np.zeros_like(T), 0.0)
-    made = repaired(replace(told, time=T + jitter))
+    made = with_corrected_stamps(replace(told, time=T + jitter))
     np.testing.assert_allclose(np.diff(made.time), 0.03, rtol=1e-3)
     assert "samples are evenly spaced" in made.notes[0]
 

@@ -40,7 +40,7 @@ def test_the_true_scene_has_no_error() -> None:
     found = compare(HEAVY, record())
     assert np.all(found.relative < 2e-3) and found.whole < 1e-3
     assert found.free_run is not None
-    assert found.free_run.count >= 20 and not found.free_run.lost
+    assert found.free_run.count >= 20 and not found.free_run.diverged
     assert np.all(found.free_run.relative < 2e-3)
 
 
@@ -54,7 +54,7 @@ def test_windows_in_which_an_effort_of_one_joint_is_missing_are_left_out() -> No
     effort[2000:3500, 1] = np.nan
     found = compare(HEAVY, changed(effort=effort))
     assert found.free_run is not None
-    assert found.free_run.count <= 17 and not found.free_run.lost
+    assert found.free_run.count <= 17 and not found.free_run.diverged
     assert np.all(found.free_run.relative < 2e-3)
 
 

@@ -11,21 +11,13 @@ from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies.identification.checks import check_model
 from arm_studies.identification.identified_scene import scene_with
-from arm_studies.identification.regression.friction import (
-    COULOMB,
-    COULOMB_SKEW,
-    EXCESS,
-    VISCOUS,
-    VISCOUS_SKEW,
-    JointFit,
-    Shape,
-)
+from arm_studies.identification.regression import friction as terms
 from arm_studies.identification.regression.regressor import RigidRegressor
 
 LIMITED = {
-    "in one direction": ({COULOMB_SKEW: 0.9}, Shape(None, 0.9, 2.0)),
-    "at rest": ({EXCESS: 1.5}, Shape(0.1, 0.8, 5.0)),
-    "of a table": ({}, Shape(None, 0.98, 1.0, ((0.0, 0.0), (0.3, 0.9), (1.0, 1.0)))),
+    "in one direction": ({terms.COULOMB_SKEW: 0.9}, terms.Shape(None, 0.9, 2.0)),
+    "at rest": ({terms.EXCESS: 1.5}, terms.Shape(0.1, 0.8, 5.0)),
+    "of a table": ({}, terms.Shape(None, 0.98, 1.0, ((0.0, 0.0), (0.3, 0.9), (1.0, 1.0)))),
 }
 
 
@@ -37,11 +29,11 @@ def two_link(**friction):
     return ArmModel(load_scene(scene))
 
 
-def told(coefficients, shape, refused=0.0, model=None):
+def told(coefficients, shape, steepness=0.0, model=None):
     """The notes, and the friction of the shoulder in a scene that can be simulated."""
     model = model or ArmModel(load_scene("two_link"))
-    values, notes = {VISCOUS: 0.1, COULOMB: 1.0, **coefficients}, []
-    laws = [JointFit(tuple(values), shape, values, refused), None]
+    values, notes = {terms.VISCOUS: 0.1, terms.COULOMB: 1.0, **coefficients}, []
+    laws = [terms.JointFit(tuple(values), shape, values, steepness), None]
     nominal = RigidRegressor(model).nominal
     found = scene_with(model, nominal, np.full(model.n, np.nan), laws, notes)
     return notes, ArmModel(found).scene.joints["shoulder"].friction
@@ -57,7 +49,7 @@ def test_growth_with_load_is_limited_to_what_a_scene_allows(case):
 
 def test_a_law_with_states_stays():
     model = two_link(lugre={"sigma0": 1e4, "sigma1": 0.05}, static=1.3, stribeck_velocity=0.1)
-    notes, friction = told({}, Shape(), model=model)
+    notes, friction = told({}, terms.Shape(), model=model)
     assert not notes
     assert friction.lugre.sigma0 == 1e4 and friction.lugre.sigma1 == 0.05
     assert (friction.viscous, friction.coulomb, friction.static) == (0.1, 1.0, None)
@@ -73,29 +65,29 @@ def test_a_table_is_replaced_by_coefficients():
     table = {"table": {"speed": [0.0, 1.0], "torque": [1.0, 2.0]}}
     scene = load_scene("two_link").model_dump(exclude_unset=True, mode="json")
     scene["joints"]["shoulder"] = {"friction": table}
-    notes, friction = told({}, Shape(None, None, 1.0), model=ArmModel(load_scene(scene)))
+    notes, friction = told({}, terms.Shape(None, None, 1.0), model=ArmModel(load_scene(scene)))
     assert notes == ["'shoulder': its table of friction is replaced by coefficients"]
     assert (friction.table, friction.coulomb, friction.viscous) == (None, 1.0, 0.1)
 
 
 def test_friction_that_differs_by_direction_is_written_for_both():
-    notes, friction = told({VISCOUS_SKEW: 0.03, COULOMB_SKEW: -0.25}, Shape())
+    notes, friction = told({terms.VISCOUS_SKEW: 0.03, terms.COULOMB_SKEW: -0.25}, terms.Shape())
     assert not notes
     sides = [(x.positive, x.negative) for x in (friction.viscous, friction.coulomb)]
     np.testing.assert_allclose(sides, [(0.13, 0.07), (0.75, 1.25)], rtol=1e-12)
-    notes, friction = told({VISCOUS_SKEW: -0.5}, Shape())  # more than there is
+    notes, friction = told({terms.VISCOUS_SKEW: -0.5}, terms.Shape())  # more than there is
     assert (friction.viscous.positive, friction.viscous.negative) == (0.0, 0.2)
-    notes, friction = told({COULOMB_SKEW: 1.5}, Shape())
+    notes, friction = told({terms.COULOMB_SKEW: 1.5}, terms.Shape())
     assert (friction.coulomb.positive, friction.coulomb.negative) == (2.0, 0.0)
     assert notes[0].startswith("'shoulder': a constant torque of 1.5 exceeds its Coulomb friction")
 
 
 def test_friction_at_rest_is_above_that_of_sliding():
-    notes, friction = told({EXCESS: 0.5}, Shape(0.2, None, 1.0))
+    notes, friction = told({terms.EXCESS: 0.5}, terms.Shape(0.2, None, 1.0))
     assert not notes and (friction.static, friction.stribeck_velocity) == (1.5, 0.2)
-    _, friction = told({EXCESS: 0.5, COULOMB_SKEW: 0.25}, Shape(0.2, None, 1.0))
+    _, friction = told({terms.EXCESS: 0.5, terms.COULOMB_SKEW: 0.25}, terms.Shape(0.2, None, 1.0))
     assert (friction.static.positive, friction.static.negative) == (1.75, 1.25)
-    _, friction = told({}, Shape(0.2, None, 1.0))
+    _, friction = told({}, terms.Shape(0.2, None, 1.0))
     assert friction.static is None and friction.stribeck_velocity is None
 
 
@@ -113,8 +105,8 @@ def test_what_drives_bring_is_not_written_twice():
     scene = load_scene("two_link").model_dump(exclude_unset=True, mode="json")
     drive = {"gear_ratio": 10.0, "rotor_inertia": 1e-3, "rotor_damping": 2e-3, "efficiency": 0.8}
     scene["joints"] = {"elbow": {"actuator": drive}, "*": {"armature": 0.7, "friction": {}}}
-    values = {VISCOUS: 0.5, COULOMB: 1.0}
-    law = JointFit(tuple(values), Shape(), values)
+    values = {terms.VISCOUS: 0.5, terms.COULOMB: 1.0}
+    law = terms.JointFit(tuple(values), terms.Shape(), values)
     found, notes, _ = written(scene, armature=[0.25, 0.35], friction=[None, law])
     elbow = found.joints["elbow"]
     assert elbow.armature == pytest.approx(0.35 - 0.1)

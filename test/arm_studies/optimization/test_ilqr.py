@@ -14,7 +14,7 @@ from arm_sim import SimulationDiverged, Simulator
 from arm_studies.optimization import ILQR, Phase, QuadraticCost, Trajectory
 from arm_studies.optimization.backward import Policy, backward
 from arm_studies.optimization.cost import Expansion
-from arm_studies.optimization.forward import Course, Forward
+from arm_studies.optimization.forward import Baseline, Forward
 from tolerances import ALGEBRA, assert_close
 
 NODES, DT = 40, 0.01
@@ -83,8 +83,8 @@ def test_all_arms_have_the_parameters_of_the_simulator() -> None:
     u = np.zeros((NODES, sim.n))
     still = Policy(u, np.zeros((NODES, sim.n, 2 * sim.n)), 0.0)
     x, used = np.tile(sim.arm.x, (20, NODES + 1, 1)), np.empty((20, NODES, sim.n))
-    course = Course(np.tile(sim.arm.x, (NODES, 1)), u, still, u - 1.0, u + 1.0)
-    Forward(sim).follow(course, np.ones(20), x, used)
+    baseline = Baseline(np.tile(sim.arm.x, (NODES, 1)), u, still, u - 1.0, u + 1.0)
+    Forward(sim).follow(baseline, np.ones(20), x, used)
     assert np.array_equal(x[-1, :, : sim.n], sim.run(NODES * DT).q)
 
 
@@ -251,13 +251,13 @@ def model(cost: Expansion, xs: np.ndarray, us: np.ndarray) -> float:
     )  # fmt: skip
 
 
-def test_what_is_promised_is_what_the_model_gives(rng: np.random.Generator) -> None:
+def test_the_predicted_change_is_what_the_model_gives(rng: np.random.Generator) -> None:
     slopes, cost = quadratic(rng)
     policy = backward(slopes, cost, np.full((STAGES, N), -0.1), np.full((STAGES, N), 0.2), 0.3)
     assert policy is not None
     change = model(cost, *followed(slopes, policy, np.zeros(NX)))
-    assert_close(np.array(policy.promised), np.array(change), ALGEBRA)
-    assert policy.promised < 0.0
+    assert_close(np.array(policy.change), np.array(change), ALGEBRA)
+    assert policy.change < 0.0
 
 
 def test_with_limits_it_is_the_best_of_all_sets_of_active_ones(rng: np.random.Generator) -> None:

@@ -231,9 +231,9 @@ def test_runs_side_by_side_have_the_bits_of_runs_alone(
     """In lanes of vector registers, those that meet a stop, fail or diverge among them."""
     metrics = ["tracking_rms", "energy", "saturation", "stop_time", "torque_rms"]
     study = VARIED | change | {"metrics": metrics}
-    monkeypatch.setattr("arm_studies.sweeps.recipes._LONG", np.inf)
+    monkeypatch.setattr("arm_studies.sweeps.recipes._LEAST_TIME", np.inf)
     alone = bits(sweep(study, workers=1).table)
-    monkeypatch.setattr("arm_studies.sweeps.recipes._LONG", 0.0)
+    monkeypatch.setattr("arm_studies.sweeps.recipes._LEAST_TIME", 0.0)
     assert bits(sweep(study, workers=1).table) == alone
 
 

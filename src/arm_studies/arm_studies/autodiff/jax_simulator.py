@@ -76,12 +76,10 @@ class JaxSimulator:
         x0, tau = jnp.asarray(x0, kind), jnp.asarray(tau, kind)
         named = [jnp.asarray(part, kind) for part in tuned]
         parts = [jnp.broadcast_to(part, (*arms, part.shape[-1])) for part in named]
-        return self._states(
-            self._motion,
-            jnp.broadcast_to(x0, (*arms, x0.shape[-1])),
-            jnp.broadcast_to(tau, (*arms, *tau.shape[-2:])),
-            jnp.concatenate([jnp.zeros((*arms, 0), kind), *parts], axis=-1),
-        )
+        p = jnp.concatenate([jnp.zeros((*arms, 0), kind), *parts], axis=-1)
+        x0 = jnp.broadcast_to(x0, (*arms, x0.shape[-1]))
+        tau = jnp.broadcast_to(tau, (*arms, *tau.shape[-2:]))
+        return self._states(self._motion, x0, tau, p)
 
 
 @cache

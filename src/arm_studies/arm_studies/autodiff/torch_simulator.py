@@ -78,12 +78,9 @@ class TorchSimulator:
         tau = torch.as_tensor(tau, **like)
         named = [torch.as_tensor(part, **like) for part in tuned]
         parts = [part.expand(*arms, part.shape[-1]) for part in named]
-        states: torch.Tensor = self._states.apply(
-            self._motion,
-            x0.expand(*arms, x0.shape[-1]),
-            tau.expand(*arms, *tau.shape[-2:]),
-            torch.cat([torch.zeros((*arms, 0), **like), *parts], dim=-1),
-        )
+        p = torch.cat([torch.zeros((*arms, 0), **like), *parts], dim=-1)
+        x0, tau = x0.expand(*arms, x0.shape[-1]), tau.expand(*arms, *tau.shape[-2:])
+        states: torch.Tensor = self._states.apply(self._motion, x0, tau, p)
         return states
 
 

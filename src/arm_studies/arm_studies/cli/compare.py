@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,18 +71,24 @@ def compare(
         results = [_result(name, result) for name, result in zip(scenes, comparisons, strict=True)]
         click.echo(to_json({"recording": recording, "scenes": results}))
         return
-    _show(scenes, comparisons)
+    marks = ["before ", "after "] if scene2 is not None else [""]
+    say(*map("".join, zip(marks, scenes, strict=True)))
+    marked = dict(zip(marks, comparisons, strict=True))
+    columns = _columns(marked)
+    say(table(list(columns), zip(*columns.values(), strict=True)), *_remarks(marked))
     if figure is not None:
         say(figure)
 
 
 def _result(name: str, result: Comparison) -> dict[str, Any]:
+    """The content of a scene's comparison as JSON."""
+
     def named(values: np.ndarray) -> dict[str, float]:
         return dict(zip(result.joint_names, values, strict=True))
 
     run = result.free_run
     free = None if run is None else {
-        "window": run.window, "windows": run.count, "diverged": run.lost,
+        "window": run.window, "windows": run.count, "diverged": run.diverged,
         "error": named(run.error), "relative": named(run.relative),
     }  # fmt: skip
     return {
@@ -91,35 +98,43 @@ def _result(name: str, result: Comparison) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _show(scenes: list[str], comparisons: list[Comparison]) -> None:
-    first, marks = comparisons[0], ["before ", "after "] if len(comparisons) == 2 else [""]
-    each = list(zip(marks, comparisons, strict=True))
+def _columns(marked: dict[str, Comparison]) -> dict[str, list[str]]:
+    """Columns of the table by heading: a row for each joint, and one for all.
+
+    Args:
+        marked: Comparisons by what distinguishes them in headings.
+    """
+    first = next(iter(marked.values()))
     columns = {"joint": [*first.joint_names, "all"], "torque\nrms": _of_all(first.torque, 4)}
-    columns |= {f"{mark}error\nrms": _of_all(result.error, 3) for mark, result in each}
-    for mark, result in each:
+    columns |= {f"{mark}error\nrms": _of_all(result.error, 3) for mark, result in marked.items()}
+    for mark, result in marked.items():
         shares = (*result.relative, result.whole)
         columns[f"{mark}relative\nerror"] = [
             f"{100.0 * share:.2f} %" if math.isfinite(share) else "-" for share in shares
         ]
-    runs = [(mark, result.free_run) for mark, result in each if result.free_run is not None]
-    if len(runs) == len(comparisons):
+    runs = [
+        (mark, result.free_run) for mark, result in marked.items() if result.free_run is not None
+    ]
+    if len(runs) == len(marked):
         columns["motion in\na window"] = [*(number(x, 3) for x in runs[0][1].moved), ""]
         for mark, run in runs:
             columns[f"{mark}free\nrun error"] = [*(number(x, 2) for x in run.error), ""]
-    lines: list[Any] = [f"{mark}{name}" for mark, name in zip(marks, scenes, strict=True)]
-    lines.append(table(list(columns), zip(*columns.values(), strict=True)))
-    for mark, result in each:
-        if result.free_run is None:
-            lines.append(f"{mark}no free run: {result.why_not}")
-        elif result.free_run.lost:
-            lines.append(
-                f"{mark}{result.free_run.lost} of {result.free_run.count} windows diverged"
-            )
+    return columns
+
+
+def _remarks(marked: dict[str, Comparison]) -> Iterator[str]:
+    """What the table does not say: simulations that are missing or diverged, the filter, notes."""
+    first = next(iter(marked.values()))
+    for mark, result in marked.items():
+        run = result.free_run
+        if run is None:
+            yield f"{mark}no free run: {result.why_not}"
+        elif run.diverged:
+            yield f"{mark}{run.diverged} of {run.count} windows diverged"
     if first.free_run is not None:
-        run = first.free_run
-        lines.append(f"free run: {run.count} windows of {run.window:.3g} s")
-    lines.append(f"low-pass filter {first.band:.3g} Hz")
-    say(*lines, *(f"note: {note}" for note in first.notes))
+        yield f"free run: {first.free_run.count} windows of {first.free_run.window:.3g} s"
+    yield f"low-pass filter {first.band:.3g} Hz"
+    yield from (f"note: {note}" for note in first.notes)
 
 
 def _of_all(values: np.ndarray, digits: int) -> list[str]:

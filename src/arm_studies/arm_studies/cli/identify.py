@@ -15,7 +15,10 @@ from arm_sim.cli.command import command
 from arm_sim.cli.output import number, say, table, to_json
 
 if TYPE_CHECKING:
-    from arm_studies.identification import Identification, JointRecord
+    from arm_studies.identification import Identification, JointRecord, PayloadEstimate
+
+# Attributes of an identification that the option --json prints under their names.
+REPORTED = ("parameters", "intervals", "scatter", "written", "missing", "notes")
 
 
 @command(
@@ -64,6 +67,8 @@ def identify(
             "--payload needs a known arm and efforts in N m; --effort, --per-unit, "
             "--total-mass and --mass are not allowed with it"
         )
+    if units and effort != "torque":
+        raise InvalidInput("--effort scale and --per-unit are given; one of them is expected")
     from arm_studies import identification
     from arm_studies.identification.data import read_joint_record
     from arm_studies.identification.report import write
@@ -79,11 +84,10 @@ def identify(
         )  # fmt: skip
         click.echo("writing the scene, the report and the figures …", err=True)
         files = write(result, out, [path.name for path in recordings])
-        same = ("parameters", "intervals", "scatter", "written", "missing", "notes")
         facts = {
             "band": result.band, "error": result.error.identified,
             "nominal_error": result.error.nominal, "torque_error": result.torque_error,
-            **{name: getattr(result, name) for name in same},
+            **{name: getattr(result, name) for name in REPORTED},
             "scales": {joint.name: joint.scale for joint in result.joints},
         }  # fmt: skip
         lines = _lines(result)
@@ -108,13 +112,7 @@ def _payload(
         arm, records, frame, band=band, names=names,
         on_note=lambda text: click.echo(f"note: {text}", err=True),
     )  # fmt: skip
-    remarks = dict.fromkeys(estimate.scatter, "scatter, not 95 %")
-    remarks |= dict.fromkeys(estimate.missing, "the motion does not determine it")
-    rows = []
-    for name, value, unit in estimate.rows():
-        interval = None if name in estimate.missing else estimate.intervals.get(name)
-        between = "{:.4g} to {:.4g}".format(*interval) if interval else ""
-        rows.append([name, number(value, 4), unit, between, remarks.get(name, "")])
+    rows = _payload_rows(estimate)
     head = "".join(f"# {' '.join(filter(None, row))}\n" for row in rows)
     head = f"# Payload on {frame}, with 95 % intervals:\n{head}"
     carrying = arm.model_copy(update={"payloads": (*arm.payloads, estimate.payload)})
@@ -126,6 +124,18 @@ def _payload(
         "scatter": estimate.scatter, "missing": estimate.missing,
     }  # fmt: skip
     return facts, lines, files
+
+
+def _payload_rows(estimate: PayloadEstimate) -> list[list[str]]:
+    """Of each number of a payload: name, value, unit, interval, and a remark."""
+    remarks = dict.fromkeys(estimate.scatter, "scatter, not 95 %")
+    remarks |= dict.fromkeys(estimate.missing, "the motion does not determine it")
+    rows = []
+    for name, value, unit in estimate.rows():
+        interval = None if name in estimate.missing else estimate.intervals.get(name)
+        span = "{:.4g} to {:.4g}".format(*interval) if interval else ""
+        rows.append([name, number(value, 4), unit, span, remarks.get(name, "")])
+    return rows
 
 
 def _lines(result: Identification) -> list[Any]:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from arm_studies.sweeps import Progress, Sweep
 
-_LISTED = 20  # number of runs up to which each is printed
-_EVERY = 5.0  # [s] between lines of progress without a terminal
+_LONGEST_LISTING = 20  # number of runs up to which each is printed
+_LINE_INTERVAL = 5.0  # [s] between lines of progress without a terminal
 
 
 @command(
@@ -74,7 +74,7 @@ def sweep(
     written = [done.table.save(folder)]
     if not no_figures:
         written += draw(done.study, done.table, folder)
-    summary = _runs(done) if len(done.table) <= _LISTED else _groups(done)
+    summary = _runs(done) if len(done.table) <= _LONGEST_LISTING else _groups(done)
     say(summary, *_losses(done), *_remarks(done), *written)
 
 
@@ -99,9 +99,9 @@ def _losses(done: Sweep) -> Iterator[str]:
     columns = (done.table[name].tolist() for name in ("run", "status", "note"))
     runs = [run for run in zip(*columns, strict=True) if run[1] != "done"]
     for kind in dict.fromkeys(status for _, status, _ in runs):
-        lost = [run for run in runs if run[1] == kind]
-        run, _, note = lost[0]
-        yield f"{len(lost)} of {done.plan.runs} runs {kind}; run {run}: {note}"
+        failures = [run for run in runs if run[1] == kind]
+        run, _, note = failures[0]
+        yield f"{len(failures)} of {done.plan.runs} runs {kind}; run {run}: {note}"
 
 
 def _runs(done: Sweep) -> Table:
@@ -141,7 +141,7 @@ def _in_lines() -> Callable[[str, int, int, str], None]:
     def show(description: str, completed: int, total: int, left: str) -> None:
         nonlocal printed, activity
         now = time.monotonic()
-        if now - printed < _EVERY and description == activity:
+        if now - printed < _LINE_INTERVAL and description == activity:
             return
         printed, activity = now, description
         end = f", {left}" if left else ""

@@ -11,14 +11,14 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.scene.friction import STATEFUL
 from arm_studies.identification.data import JointRecord, MeasuredMotion
-from arm_studies.identification.identified_scene import REPLACED
+from arm_studies.identification.identified_scene import SCENE_KEYS
 from arm_studies.identification.names import joint_records
+from arm_studies.identification.regression import effort_faults
 from arm_studies.identification.regression.estimation import Problem
-from arm_studies.identification.regression.matching import LATEST, delayed, mismatched, scaled
 from arm_studies.identification.regression.rows.samples import Samples
 
-BEYOND = 0.2  # Tolerance of positions beyond the limits of the URDF in [rad] or [m].
-MOVED = 1e-3  # Range in [rad] or [m] below which a joint has not moved.
+SLACK = 0.2  # Tolerance of positions beyond the limits of the URDF in [rad] or [m].
+LEAST_RANGE = 1e-3  # Range in [rad] or [m] below which a joint has not moved.
 # Largest residual of a fit relative to the torques; above it the model is of another robot.
 LARGEST_RESIDUAL = 0.6
 OUT_OF_SCALE = 5.0  # Largest factor between identified and nominal masses, in the median.
@@ -32,7 +32,7 @@ ROUNDING = 1e-6  # Relative residual below which a prediction is exact.
 LEAST_ROWS = 50  # Smallest number of independent measurements of each joint.
 
 
-def fitting(
+def usable_inputs(
     scene: Any, recordings: Any, names: Mapping[str, str] | None = None
 ) -> tuple[ArmModel, list[JointRecord]]:
     """The arm of a scene, and its joints from recordings of them, if both can be used.
@@ -71,10 +71,10 @@ def check_model(model: ArmModel) -> None:
                 "it by tests of the drive"
             )
         friction = model.scene.joint(name).friction.model_dump(exclude_defaults=True)
-        if odd := [key for key in friction if key not in (*REPLACED, *STATEFUL)]:
+        if odd := [key for key in friction if key not in (*SCENE_KEYS, *STATEFUL)]:
             raise InvalidInput(
                 f"joint '{name}' has 'friction.{odd[0]}', which cannot be identified; remove it "
-                f"from the scene (identified are {known_names(REPLACED)}; kept: "
+                f"from the scene (identified are {known_names(SCENE_KEYS)}; kept: "
                 f"{known_names(STATEFUL)})"
             )
 
@@ -101,7 +101,7 @@ def check_record(record: JointRecord, model: ArmModel) -> None:
                 "not measured, or the drive is off"
             )
         reach = record.q[np.isfinite(record.q[:, j]), j]
-        if reach.size and (reach.min() < lower - BEYOND or reach.max() > upper + BEYOND):
+        if reach.size and (reach.min() < lower - SLACK or reach.max() > upper + SLACK):
             raise InvalidInput(
                 f"{record.name}: positions of joint '{name}' range from {reach.min():.4g} to "
                 f"{reach.max():.4g}, but its limits are {lower:.4g} to {upper:.4g} (another "
@@ -133,7 +133,7 @@ def check_rows(problem: Problem, notes: Sequence[str]) -> tuple[Array, list[str]
 def moved(motions: Sequence[MeasuredMotion]) -> Array:
     """Range of each joint's position in [rad] or [m], shape (n,), of which one is enough."""
     ranges = np.max([np.ptp(motion.q, axis=0) for motion in motions], axis=0)
-    if (ranges < MOVED).all():
+    if (ranges < LEAST_RANGE).all():
         raise InvalidInput(
             f"no joint moves: the largest range of a joint is {ranges.max():.3g} rad or m; a "
             "motion of all joints is expected, fast and slow, over much of their ranges"
@@ -158,7 +158,7 @@ def check_count(samples: Samples, notes: Sequence[str]) -> None:
 def check_columns(problem: Problem) -> list[str]:
     """Refuse efforts that another sign, another joint's motion or a delay explains far better."""
     messages, names = [], problem.rows.samples.names
-    for match in mismatched(problem):
+    for match in effort_faults.swaps(problem):
         sign, own = ("-1 times " if match.sign < 0 else ""), match.column == match.joint
         whose = "the torque of its motion" if own else f"that of '{names[match.joint]}'"
         messages.append(f"the effort of '{names[match.column]}' is {sign}{whose}")
@@ -168,16 +168,16 @@ def check_columns(problem: Problem) -> list[str]:
             "the torque per unit of effort, negative for a joint whose sign is reversed (per unit)"
         )
     gross, notes = [], []
-    for x in delayed(problem):
-        more = " or more" if abs(x.late) > 0.99 * LATEST else ""
-        delay = "late by" if x.late > 0.0 else "ahead of the motion by"
+    for x in effort_faults.delays(problem):
+        more = " or more" if abs(x.lag) > effort_faults.BEYOND_GRID else ""
+        delay = "late by" if x.lag > 0.0 else "ahead of the motion by"
         text = (
-            f"'{names[x.joint]}': its efforts are {delay} {1e3 * abs(x.late):.3g} ms{more}, which "
+            f"'{names[x.joint]}': its efforts are {delay} {1e3 * abs(x.lag):.3g} ms{more}, which "
             "causes most of what bodies and friction do not explain (residual "
-            f"{x.before:.1%}, without the delay {x.after:.1%}); shift the column of its efforts "
-            "by that time"
+            f"{x.residual:.1%}, without the delay {x.remainder:.1%}); shift the column of its "
+            "efforts by that time"
         )
-        if x.gross:
+        if x.is_gross:
             gross.append(text)
         notes.append(
             f"{text}, if that is so: friction of another shape, such as a Stribeck peak, can look "
@@ -203,7 +203,7 @@ def check_scales(problem: Problem) -> list[str]:
         InvalidInput: With the joints, and how to correct their efforts.
     """
     gross, notes, names = [], [], problem.rows.samples.names
-    for x in scaled(problem):
+    for x in effort_faults.scales(problem):
         name, span = names[x.joint], f"{x.factor:.2g} ({x.low:.2g} to {x.high:.2g})"
         if x.low > OTHER_UNIT or x.high < 1.0 / OTHER_UNIT:
             gross.append(f"{name} {span}")
@@ -240,11 +240,11 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
         raise InvalidInput(
             f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal "
             f"scene {nominal:.0%}); allowed: at most {LARGEST_RESIDUAL:.0%} (another robot, wrong "
-            f"joint names, efforts that are not torques, or contact?){_odd(names, scales)}"
+            f"joint names, efforts that are not torques, or contact?){_odd_scales(names, scales)}"
         )
 
 
-def _odd(names: Sequence[str], scales: Array) -> str:
+def _odd_scales(names: Sequence[str], scales: Array) -> str:
     """Joints whose efforts are far from the torques of the nominal scene, for messages."""
     pairs = zip(names, scales, strict=True)
     odd = [f"{name} {x:.3g}" for name, x in pairs if not 1.0 / OUT_OF_SCALE < x < OUT_OF_SCALE]
@@ -291,5 +291,5 @@ def check_masses(masses: Array, nominal: Array, names: Sequence[str], scales: Ar
         f"the links would have {ratio:.3g} times their nominal mass (median); allowed: "
         f"{1.0 / OUT_OF_SCALE:g} to {OUT_OF_SCALE:g}: the efforts are not in N m, but for example "
         "in amperes or per mille of a rated torque; give the torque per unit of each joint, or "
-        f"let scales be identified (effort scale){_odd(names, scales)}"
+        f"let scales be identified (effort scale){_odd_scales(names, scales)}"
     )

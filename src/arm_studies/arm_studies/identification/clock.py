@@ -43,7 +43,7 @@ def without_repeats(record: JointRecord) -> JointRecord:
     return replace(record.rows(~repeated), notes=(*record.notes, note))
 
 
-def repaired(record: JointRecord) -> JointRecord:
+def with_corrected_stamps(record: JointRecord) -> JointRecord:
     """The recording with corrected time stamps, if they cause most of its noise.
 
     A stamp that is late by δ shifts the position of *every* joint by q̇ δ. So n positions at one
@@ -64,7 +64,7 @@ def repaired(record: JointRecord) -> JointRecord:
     dt = float(np.median(np.diff(record.time)))
     late = np.zeros(len(record.time))
     band = min(chosen_band(record.q, dt, MOTION_RATIO / NOISE_RATIO), 0.5 * WIDEST / dt)
-    record = _evened(record, band, dt)
+    record = _with_even_times(record, band, dt)
     before, _ = _deviations(record, late, band, dt)
     for _ in range(ROUNDS):
         deviation, velocity = _deviations(record, late, band, dt)
@@ -87,17 +87,16 @@ def repaired(record: JointRecord) -> JointRecord:
     return replace(record, time=read_only(time), notes=(*record.notes, note))
 
 
-def _evened(record: JointRecord, band: float, dt: float) -> JointRecord:
+def _with_even_times(record: JointRecord, band: float, dt: float) -> JointRecord:
     """The recording at even times if these explain the noise of its positions."""
-    late = np.zeros(len(record.time))
-    even = np.linspace(record.time[0], record.time[-1], len(late))
+    even = np.linspace(record.time[0], record.time[-1], len(record.time))
     off = float((record.time - even).std())
     if off < LEAST_ERROR * dt:
         return record
     corrected = replace(record, time=read_only(even))
     step = float(even[1] - even[0])
-    before, _ = _deviations(record, late, band, dt)
-    after, _ = _deviations(corrected, late, band, step)
+    before, _ = _deviations(record, 0.0, band, dt)
+    after, _ = _deviations(corrected, 0.0, band, step)
     ratio = _share(record, after, before)
     if ratio >= 1.0 - EXPLAINED_FRACTION:
         return record
@@ -116,9 +115,11 @@ def _share(record: JointRecord, after: Array, before: Array) -> float:
     return float(np.median((after**2).mean(axis=0)[moving] / (before**2).mean(axis=0)[moving]))
 
 
-def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tuple[Array, Array]:
+def _deviations(
+    record: JointRecord, delay: Array | float, band: float, dt: float
+) -> tuple[Array, Array]:
     """Deviations of positions from the smoothed motion, and its velocities, shapes (k, n)."""
-    low_pass, time = ZeroPhase(band, dt), record.time - late
+    low_pass, time = ZeroPhase(band, dt), record.time - delay
     grid = time[0] + dt * np.arange(round(float(time[-1] - time[0]) / dt) + 1)
     even = interpolated(grid, time, record.q)
     smooth, slope = (interpolated(time, grid, low_pass(even, order)) for order in (0, 1))

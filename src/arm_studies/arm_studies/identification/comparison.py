@@ -12,13 +12,14 @@ from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
 from arm_dynamics.arrays import Array, positive, read_only
 from arm_dynamics.attributes import frozen
 from arm_sim import Recording, Simulator
+from arm_studies._renaming import renamed_attribute
 from arm_studies.identification.data import JointRecord, MeasuredMotion
 from arm_studies.identification.names import joint_records
 from arm_studies.identification.preparation.even_record import prepare
 
-_FEWEST = 100  # rows with a valid torque
-_MOVES = 1e-6  # [rad] or [m] in all windows above which a joint has moved
-_DRIVEN = "the scene has drives, and the recording does not have their commands"
+_LEAST_ROWS = 100  # with a valid torque
+_LEAST_MOTION = 1e-6  # [rad] or [m] in all windows above which a joint has moved
+_HAS_DRIVES = "the scene has drives, and the recording does not have their commands"
 
 
 @frozen
@@ -28,31 +29,32 @@ class FreeRun:
     Attributes:
         window: Duration of each simulation in [s].
         count: Number of simulations.
-        lost: Number of simulations that diverged; they do not enter the errors.
+        diverged: Number of simulations that diverged; they do not enter the errors.
         error: Root mean square error of each joint at the end in [rad] or [m], shape (n,).
         moved: Root mean square displacement of each joint in a window, likewise.
     """
 
     window: float
     count: int
-    lost: int
+    diverged: int
     error: Array
     moved: Array
+    lost = renamed_attribute("lost", "diverged")
 
     def __repr__(self) -> str:
         """A summary: the windows, and the error of each joint."""
         errors = ", ".join(f"{x:.2g}" for x in self.error)
-        lost = f", {self.lost} diverged" if self.lost else ""
+        diverged = f", {self.diverged} diverged" if self.diverged else ""
         return (
-            f"<FreeRun: {self.count} windows of {self.window:.3g} s{lost}; errors at their ends "
-            f"{errors} rad or m>"
+            f"<FreeRun: {self.count} windows of {self.window:.3g} s{diverged}; errors at their "
+            f"ends {errors} rad or m>"
         )
 
     @property
     def relative(self) -> Array:
         """Error over displacement, NaN for joints that do not move, shape (n,)."""
-        moves = self.moved > _MOVES
-        return np.where(moves, self.error / np.where(moves, self.moved, 1.0), np.nan)
+        is_moving = self.moved > _LEAST_MOTION
+        return np.where(is_moving, self.error / np.where(is_moving, self.moved, 1.0), np.nan)
 
 
 @frozen
@@ -142,27 +144,27 @@ def compare(
             "an open chain is expected"
         )
     (record,) = joint_records(recording, model, names)
-    if not np.any(np.nanmax(record.q, axis=0) - np.nanmin(record.q, axis=0) > _MOVES):
+    if not np.any(np.nanmax(record.q, axis=0) - np.nanmin(record.q, axis=0) > _LEAST_MOTION):
         raise InvalidInput(f"{record.name}: no joint moves; a motion is expected")
     motion = prepare(record, band)
     motion = motion.span(slice(round((1.0 - last) * len(motion.time)), len(motion.time)))
-    used = motion.valid
-    few = np.count_nonzero(used, axis=0) < _FEWEST
+    valid = motion.valid
+    few = np.count_nonzero(valid, axis=0) < _LEAST_ROWS
     if few.any():
-        lost = ", ".join(motion.joint_names[i] for i in np.flatnonzero(few))
+        joints = ", ".join(motion.joint_names[i] for i in np.flatnonzero(few))
         raise InvalidInput(
-            f"{motion.name}: efforts of {lost} are missing or saturated; at least {_FEWEST} valid "
-            "samples are expected"
+            f"{motion.name}: efforts of {joints} are missing or saturated; at least {_LEAST_ROWS} "
+            "valid samples are expected"
         )
-    if not np.any(motion.effort[used]):
+    if not np.any(motion.effort[valid]):
         raise InvalidInput(f"{motion.name}: all efforts are zero; measured torques are expected")
     computed = motion.filtered(Dynamics(model).inverse(motion.q, motion.v, motion.a))
     measured = motion.filtered(motion.effort)
 
     def rms(values: Array) -> Array:
-        return read_only(np.sqrt(np.mean(values**2, axis=0, where=used)))
+        return read_only(np.sqrt(np.mean(values**2, axis=0, where=valid)))
 
-    why_not = _DRIVEN if any(model.drives) else ""
+    why_not = _HAS_DRIVES if any(model.drives) else ""
     return Comparison(
         joint_names=model.joint_names,
         error=rms(measured - computed),
@@ -170,8 +172,8 @@ def compare(
         free_run=None if why_not else _free_run(model, motion, window),
         why_not=why_not,
         time=read_only(motion.time),
-        measured=read_only(np.where(used, measured, np.nan)),
-        computed=read_only(np.where(used, computed, np.nan)),
+        measured=read_only(np.where(valid, measured, np.nan)),
+        computed=read_only(np.where(valid, computed, np.nan)),
         band=motion.band,
         notes=motion.notes,
     )
@@ -185,19 +187,19 @@ def _free_run(model: ArmModel, motion: MeasuredMotion, window: float) -> FreeRun
     sim = Simulator(ArmModel(model.scene.model_copy(update={"commands": None})))
     rows = max(1, round(window / motion.dt))
     ticks = max(1, round(rows * motion.dt / sim.dt))
-    whole = motion.valid.all(axis=1)
+    has_torques = motion.valid.all(axis=1)
     starts = np.array([
         start for part in motion.stretches for start in range(part.start, part.stop - rows, rows)
-        if whole[start : start + rows + 1].all()
+        if has_torques[start : start + rows + 1].all()
     ], int)  # fmt: skip
     n, unknown = sim.n, np.full(sim.n, np.nan)
     if not len(starts):
         return FreeRun(rows * motion.dt, 0, 0, unknown, unknown)
     effort = motion.filtered(motion.effort)
-    share = (np.arange(ticks) + 0.5) * rows / ticks
-    part = (share % 1.0)[:, None]
-    at = starts[:, None] + np.floor(share).astype(int)
-    tau = effort[at] * (1.0 - part) + effort[at + 1] * part
+    middle = (np.arange(ticks) + 0.5) * rows / ticks  # of each tick, in rows
+    part = (middle % 1.0)[:, None]
+    row = starts[:, None] + np.floor(middle).astype(int)
+    tau = effort[row] * (1.0 - part) + effort[row + 1] * part
     begin, measured = motion.q[starts], motion.q[starts + rows]
     ends = sim.rollout(begin, motion.v[starts], tau, ticks, last_only=True)[:, :n]
     finite = np.isfinite(ends).all(axis=1)
@@ -206,5 +208,5 @@ def _free_run(model: ArmModel, motion: MeasuredMotion, window: float) -> FreeRun
         error, moved = (
             np.sqrt(np.mean(x[finite] ** 2, axis=0)) for x in (ends - measured, measured - begin)
         )
-    lost = int(np.count_nonzero(~finite))
-    return FreeRun(rows * motion.dt, len(starts), lost, read_only(error), read_only(moved))
+    diverged = int(np.count_nonzero(~finite))
+    return FreeRun(rows * motion.dt, len(starts), diverged, read_only(error), read_only(moved))

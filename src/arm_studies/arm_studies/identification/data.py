@@ -17,17 +17,17 @@ from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import InvalidInput, counted, known_names
 from arm_sim.recording.recording import Recording
 
-LISTED = 3  # Spans of time that a note lists; of more, only the number.
-_MEASURED = ("q", "effort", "v", "a")
+MOST_SPANS = 3  # Spans of time that a note lists; of more, only the number.
+_COLUMNS = ("q", "effort", "v", "a")
 
 
 def arrays_at(motion: Any, which: slice | NDArray[np.bool_]) -> dict[str, Any]:
-    """Some rows of its arrays, by name."""
-    return {k: read_only(getattr(motion, k)[which]) for k in ("time", *_MEASURED)}
+    """Some rows of the arrays of a record or a motion, by name."""
+    return {k: read_only(getattr(motion, k)[which]) for k in ("time", *_COLUMNS)}
 
 
 def _summary(motion: JointRecord | MeasuredMotion) -> str:
-    """As ``__repr__``: its rows, joints and notes."""
+    """A summary of a record or a motion: its rows, joints and notes."""
     names = known_names(motion.joint_names, 8)
     lines = [
         f"<{type(motion).__name__} {motion.name}: {len(motion.time)} rows from "
@@ -140,7 +140,7 @@ class JointRecord:
                 f"{known_names(self.joint_names)}"
             )
         place = [self.joint_names.index(joint) for joint in names]
-        parts = {k: read_only(getattr(self, k)[:, place]) for k in _MEASURED}
+        parts = {k: read_only(getattr(self, k)[:, place]) for k in _COLUMNS}
         return replace(self, joint_names=tuple(names), **parts)  # type: ignore[arg-type]
 
     def rows(self, which: slice | NDArray[np.bool_]) -> JointRecord:
@@ -283,13 +283,13 @@ def runs(mask: NDArray[np.bool_]) -> NDArray[np.int_]:
     return np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
 
 
-def places(mask: NDArray[np.bool_], time: Array) -> str:
+def row_words(mask: NDArray[np.bool_], time: Array) -> str:
     """How often and when a condition holds, in words."""
-    return f"{counted(int(np.count_nonzero(mask)), 'row')} ({listed(time[runs(mask) - [0, 1]])})"
+    return f"{counted(int(np.count_nonzero(mask)), 'row')} ({in_words(time[runs(mask) - [0, 1]])})"
 
 
-def listed(spans: Array) -> str:
+def in_words(spans: Array) -> str:
     """Spans of time in [s] from the start, shape (m, 2), in words."""
-    texts = [f"{a:.3f} s" if a == b else f"{a:.3f} to {b:.3f} s" for a, b in spans[:LISTED]]
-    more = f" and {len(spans) - LISTED} times more," if len(spans) > LISTED else ""
+    texts = [f"{a:.3f} s" if a == b else f"{a:.3f} to {b:.3f} s" for a, b in spans[:MOST_SPANS]]
+    more = f" and {len(spans) - MOST_SPANS} times more," if len(spans) > MOST_SPANS else ""
     return f"{', '.join(texts)}{more} after the start"

@@ -22,7 +22,7 @@ from arm_studies.identification.regression import friction as terms
 from arm_studies.identification.regression.regressor import MASSLESS_BELOW, PER_BODY
 
 # Keys of a joint's friction whose values are identified; the others stay as they are.
-REPLACED = ("viscous", "coulomb", "static", "stribeck_velocity", "load", "table")
+SCENE_KEYS = ("viscous", "coulomb", "static", "stribeck_velocity", "load", "table")
 # Smallest static friction relative to Coulomb friction: a joint has to be able to rest.
 LEAST_STATIC = 1e-3
 # Growth of friction with load over the allowed one where it is limited, for rounding.
@@ -119,7 +119,7 @@ def _joint(
     entry = model.scene.joint(name).model_dump(exclude_unset=True, exclude_none=True, mode="json")
     if fit is not None:
         before = entry.get("friction", {})
-        kept = {key: value for key, value in before.items() if key not in REPLACED}
+        kept = {key: value for key, value in before.items() if key not in SCENE_KEYS}
         entry["friction"] = kept | _friction(name, model, j, fit, notes)
         if "table" in before:
             notes.append(f"'{name}': its table of friction is replaced by coefficients")
@@ -136,7 +136,7 @@ def _joint(
 def _friction(
     name: str, model: ArmModel, j: int, fit: terms.JointFit, notes: list[str]
 ) -> dict[str, Any]:
-    """A joint's identified friction by the keys of a scene, which are among ``REPLACED``."""
+    """A joint's identified friction by the keys of a scene, which are among ``SCENE_KEYS``."""
     viscous, coulomb, offset, viscous_skew, excess = (
         fit.coefficients.get(kind, 0.0) if kind in fit.kinds else 0.0 for kind in terms.LINEAR
     )
@@ -168,10 +168,10 @@ def _friction(
         friction["stribeck_velocity"] = fit.shape.stribeck_velocity
     if fit.shape.load is not None and coulomb > 0.0:
         friction["load"] = _growth(name, fit.shape, highest, notes)
-    elif fit.refused and fit.shape.load is None:
+    elif fit.steepness and fit.shape.load is None:
         notes.append(
-            f"'{name}': friction seems to grow by up to {fit.refused:.3g} of the load that causes "
-            f"it; at most {terms.LARGEST_GROWTH} is identified, so its growth is left out"
+            f"'{name}': friction seems to grow by up to {fit.steepness:.3g} of the load that "
+            f"causes it; at most {terms.LARGEST_GROWTH} is identified, so its growth is left out"
         )
     return friction
 

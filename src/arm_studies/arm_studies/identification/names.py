@@ -81,7 +81,7 @@ def unwrapped(record: JointRecord, joint_types: Sequence[str]) -> JointRecord:
 
     Args:
         record: The recording.
-        joint_types: As of ``ArmModel``.
+        joint_types: Type of each joint, see ``ArmModel``.
     """
     q = np.array(record.q)
     for column, kind in zip(q.T, joint_types, strict=True):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.checks import MOVED
+from arm_studies.identification.checks import LEAST_RANGE
 from arm_studies.identification.regression.fit import Fit
 from arm_studies.identification.regression.friction import COULOMB, EXCESS, VISCOUS, JointFit
 from arm_studies.identification.regression.uncertainty import Estimate, Estimates, estimated
@@ -47,8 +47,8 @@ def details_of(
     nominal = base.of(np.concatenate([regressor.model.armature, regressor.nominal])).tolist()
     for name, value, before in zip(base.names, values, nominal, strict=True):
         add(name, next(linear), value, before)
-    for name, own, law in zip(samples.names, fit.friction, written.friction, strict=True):
-        for kind in own.coefficients:
+    for name, fitted, law in zip(samples.names, fit.friction, written.friction, strict=True):
+        for kind in fitted.coefficients:
             add(f"{name}.{kind}", next(linear), law.coefficients.get(kind, 0.0))
     for (j, key), estimate in estimates.shapes.items():
         add(f"{samples.names[j]}.{key}", estimate, getattr(written.friction[j].shape, key) or 0.0)
@@ -63,28 +63,28 @@ def without_doubtful(fit: Fit) -> tuple[JointFit, ...]:
     """
     estimates = iter(estimated(fit).linear[len(fit.rows.samples.regressor.base.names) :])
     laws = []
-    for own in fit.friction:
+    for law in fit.friction:
         sure = {kind: not abs(each.value) < SIGNIFICANT_RATIO * (each.high - each.value) < np.inf
-                for kind, each in zip(own.kinds, estimates, strict=False)}  # fmt: skip
-        kinds = tuple(kind for kind in own.kinds if sure[kind] or kind in (VISCOUS, COULOMB))
-        fall = own.shape.stribeck_velocity if EXCESS in kinds else None
-        laws.append(replace(own, kinds=kinds, shape=replace(own.shape, stribeck_velocity=fall)))
+                for kind, each in zip(law.kinds, estimates, strict=False)}  # fmt: skip
+        kinds = tuple(kind for kind in law.kinds if sure[kind] or kind in (VISCOUS, COULOMB))
+        fall = law.shape.stribeck_velocity if EXCESS in kinds else None
+        laws.append(replace(law, kinds=kinds, shape=replace(law.shape, stribeck_velocity=fall)))
     return tuple(laws)
 
 
 def _missing_friction(fit: Fit, ranges: Array) -> dict[str, str]:
     """Friction that was not identified, by name, and why."""
     missing = dict[str, str]()
-    for joint, own, span in zip(fit.rows.samples.names, fit.friction, ranges, strict=True):
-        if span <= MOVED:
+    for joint, law, span in zip(fit.rows.samples.names, fit.friction, ranges, strict=True):
+        if span <= LEAST_RANGE:
             missing[f"{joint}.friction"] = (
                 f"it moved only {span:.2g} rad or m where it cannot stick"
             )
-        elif not own.kinds:
+        elif not law.kinds:
             missing[f"{joint}.friction"] = NO_FRICTION
         else:
-            absent = [kind for kind in (VISCOUS, COULOMB) if kind not in own.kinds]
+            absent = [kind for kind in (VISCOUS, COULOMB) if kind not in law.kinds]
             missing |= {f"{joint}.{kind}": NO_FRICTION for kind in absent}
-            if EXCESS not in own.kinds:
+            if EXCESS not in law.kinds:
                 missing[f"{joint}.static"] = "friction does not visibly fall with speed"
     return missing

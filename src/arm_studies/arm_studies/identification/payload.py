@@ -25,9 +25,9 @@ from arm_studies.identification.regression import bodies, estimation, uncertaint
 from arm_studies.identification.regression.bandwidth import noise_frequency
 from arm_studies.identification.regression.efforts import with_age
 from arm_studies.identification.regression.regressor import PER_BODY
-from arm_studies.identification.regression.rows.rows import Rows, Sampled, nominal_efforts
+from arm_studies.identification.regression.rows.rows import ArmRecordings, Rows, nominal_efforts
 
-# Of a payload's mass, centre of mass and inertia about it, in order.
+# Names of a payload's mass, centre of mass and inertia about it, in order.
 NAMES = ("mass", *(f"com.{k}" for k in "xyz"))
 NAMES += tuple(f"inertia.{k}" for k in "xx xy xz yy yz zz".split())
 PRIOR_RADIUS = 0.1  # Radius in [m] of the ball of 1 kg that is the weak prior of a payload.
@@ -59,11 +59,11 @@ class PayloadEstimate:
         """A summary: each number with its interval, and what is not determined."""
         lines = []
         for name, value, unit in self.rows():
-            low, high = self.intervals.get(name, (np.nan, np.nan))
-            span = f", {low:.4g} to {high:.4g}" if name in self.intervals else ""
-            span += " (scatter)" if name in self.scatter else ""
-            about = ": the motion does not determine it" if name in self.missing else span
-            lines.append(f"{name} {value:.4g} {unit}{about}")
+            interval = self.intervals.get(name)
+            remark = ", {:.4g} to {:.4g}".format(*interval) if interval else ""
+            remark += " (scatter)" if name in self.scatter else ""
+            remark = ": the motion does not determine it" if name in self.missing else remark
+            lines.append(f"{name} {value:.4g} {unit}{remark}")
         return f"<PayloadEstimate on {self.payload.frame}:\n  " + "\n  ".join(lines) + ">"
 
     def rows(self) -> list[tuple[str, float, str]]:
@@ -103,12 +103,12 @@ def estimate_payload(
         SceneError: If the scene cannot be used.
         InvalidInput: If the frame is unknown or fixed, or the recordings do not determine it.
     """
-    model, records = checks.fitting(scene, recordings, names)
+    model, records = checks.usable_inputs(scene, recordings, names)
     fitted = partial(_fitted, *_payload_columns(model, frame))
-    data = Sampled.of(model, records, band, held_out=0.0)
+    data = ArmRecordings.of(model, records, band, held_out=0.0)
     rows, notes = data.rows(), data.notes
     near = estimation.Prior.near(data.regressor.nominal, *ARM_DEVIATIONS)
-    _, late = checks.check_rows(estimation.Problem(rows, rows.samples.use, near), notes)
+    _, delay_notes = checks.check_rows(estimation.Problem(rows, rows.samples.use, near), notes)
     if band is None:
         limit = noise_frequency(rows, rows.samples.use, fitted(rows).residual)
         if limit is not None:
@@ -122,12 +122,12 @@ def estimate_payload(
         return fit, float(solution.values[-1]), float(solution.deviations[-1])
 
     # One age of all efforts is fitted unless it is known, or only some joints' efforts are late.
-    aged, ageing = all(motion.aged for motion in rows.samples.motions), list[str]()
-    if aged or len(late) not in (0, model.n):
+    has_ages, age_notes = all(m.aged for m in rows.samples.motions), list[str]()
+    if has_ages or len(delay_notes) not in (0, model.n):
         fit = _without_sticking(fitted(rows))
     else:
-        fit, ageing = with_age(fit_at, rows.samples.band)
-    for note in dict.fromkeys([*notes, *late, *ageing]):
+        fit, age_notes = with_age(fit_at, rows.samples.band)
+    for note in dict.fromkeys([*notes, *delay_notes, *age_notes]):
         on_note(note)
     return _assessed(fit, frame)
 

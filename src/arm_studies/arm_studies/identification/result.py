@@ -129,7 +129,7 @@ class Identification:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Their 95 % confidence intervals, but for ``scatter``."""
+        """95 % confidence intervals of ``parameters``, but for ``scatter``."""
         return {name: (each.low, each.high) for name, each in self._estimates.items()}
 
     @property
@@ -163,7 +163,7 @@ class Identification:
 
     @property
     def nominal_error(self) -> dict[str, float]:
-        """The same of the nominal scene."""
+        """Relative residual of each joint of the nominal scene; NaN if it is unknown."""
         return {joint.name: joint.errors.nominal for joint in self.joints}
 
     @property
@@ -173,7 +173,7 @@ class Identification:
 
     @property
     def friction(self) -> tuple[JointFit | None, ...]:
-        """Of each joint; None if it is unchanged from the nominal scene."""
+        """Friction of each joint; None if it is unchanged from the nominal scene."""
         return tuple(joint.friction for joint in self.joints)
 
     @property

@@ -38,7 +38,7 @@ class Validation:
         joints: Of each joint.
         residuals: Root mean square of what is left of each joint's torque in [N m] or [N].
         nominal: Torques of the nominal scene, shape (k, n).
-        ratios: Efforts over these, by joint, 1 where unknown, shape (n,).
+        ratios: Efforts over torques of the nominal scene, by joint, 1 where unknown, shape (n,).
         excess: By how many standard errors the nominal scene is better.
         notes: What cannot be judged, and whether the nominal scene is better.
     """
@@ -102,7 +102,7 @@ def _test_rows(rows: Rows, ranges: Array, held_out: float) -> tuple[Mask, list[s
     train = rows.samples.train[:, None]
     test = train if train.all() else ~train
     count = np.count_nonzero(rows.samples.valid & test, axis=0)
-    moving = np.count_nonzero(rows.samples.use & test, axis=0) * (ranges > checks.MOVED)
+    moving = np.count_nonzero(rows.samples.use & test, axis=0) * (ranges > checks.LEAST_RANGE)
     resting = (moving < MOVING_FRACTION * count) & (count > 0)
     part, notes = f"the part held out (the last {held_out:.0%} of each recording)", []
     for affected, why in (

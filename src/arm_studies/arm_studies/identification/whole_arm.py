@@ -21,21 +21,21 @@ from arm_studies.identification import checks, parameters
 from arm_studies.identification.data import JointRecord
 from arm_studies.identification.identified_scene import scene_with
 from arm_studies.identification.regression import bandwidth, irregularities, uncertainty
+from arm_studies.identification.regression.consistent_fit import consistent_fit
 from arm_studies.identification.regression.efforts import NOMINAL_ERRORS, scales_of, with_age
 from arm_studies.identification.regression.estimation import NOISELESS, Prior, Problem
-from arm_studies.identification.regression.evidence import most_evident
+from arm_studies.identification.regression.evidence import most_evident_prior
 from arm_studies.identification.regression.fit import Fit, fitted
-from arm_studies.identification.regression.friction import COULOMB, JointFit
-from arm_studies.identification.regression.matching import SIMPLE
+from arm_studies.identification.regression.friction import COULOMB, SIMPLE_LAW, JointFit
 from arm_studies.identification.regression.regressor import PER_BODY, RigidRegressor
-from arm_studies.identification.regression.rows.rows import Rows, Sampled
+from arm_studies.identification.regression.rows.rows import ArmRecordings, Rows
 from arm_studies.identification.regression.rows.samples import HELD_OUT
-from arm_studies.identification.regression.selection import selected
-from arm_studies.identification.regression.tables import tabled
+from arm_studies.identification.regression.selection import select_laws
+from arm_studies.identification.regression.tables import with_tables
 from arm_studies.identification.result import Identification, IdentifiedJoint, Torques
 from arm_studies.identification.validation import validate
 
-FIRST = 0.3, 0.2  # prior deviations of bodies in the first fit, see ``evidence``
+PRIOR = 0.3, 0.2  # prior deviations of bodies in the first fit, see ``evidence``
 # Largest number of selections of friction laws until the bandwidth of the efforts is stable.
 ROUNDS = 3
 LEAN_RATIO = 1.03  # Ratio of residuals up to which friction terms that may be zero are left out.
@@ -83,14 +83,14 @@ def identify(
             predicts the part held out better; says what is missing.
     """
     report = on_progress or (lambda step: None)
-    model, records = checks.fitting(scene, recordings, names)
+    model, records = checks.usable_inputs(scene, recordings, names)
     report("filtering")
-    data = Sampled.of(model, [_in_torques(each, effort) for each in records], band, held_out)
+    data = ArmRecordings.of(model, [_in_torques(each, effort) for each in records], band, held_out)
     rows, notes = data.rows(), data.notes
     train, near = rows.samples.train[:, None], Prior.near(data.regressor.nominal, *NOMINAL_ERRORS)
     moving = Problem(rows, rows.samples.valid & ~rows.samples.rests & train, near)
-    ranges, late = checks.check_rows(moving, notes)
-    notes += late
+    ranges, delay_notes = checks.check_rows(moving, notes)
+    notes += delay_notes
     if effort != "scale":
         notes += checks.check_scales(Problem(rows, rows.samples.use & train, near))
     known_masses = _known_masses(data.regressor, total_mass, masses or {})
@@ -98,19 +98,19 @@ def identify(
 
     report("fitting bodies with simple friction")
     if effort == "scale":
-        scales, remarks = scales_of(rows, [SIMPLE] * model.n, prior)
+        scales, remarks = scales_of(rows, [SIMPLE_LAW] * model.n, prior)
         data, rows = replace(data, scales=scales), replace(rows, scales=scales)
         notes += remarks
-    aged = len(late) in (0, model.n)  # one age of all, not of some joints' efforts only
-    fit, remarks = _first(data, rows, prior(*FIRST), chosen_band=band is None, aged=aged)
+    has_age = len(delay_notes) in (0, model.n)  # of all efforts, not of some joints' only
+    fit, remarks = _first_fit(data, rows, prior(*PRIOR), can_narrow=band is None, has_age=has_age)
     notes += remarks
     report("selecting friction laws by cross-validation")
-    fit, remarks = _with_selected_laws(fit.with_problem(prior=most_evident(fit, prior)))
+    fit, remarks = _with_selected_laws(fit.unfitted(prior=most_evident_prior(fit, prior)))
     notes += remarks
-    fit = tabled(fit)
+    fit = with_tables(fit)
     report("fitting all parameters")
-    fits = _consistent(fit.with_problem(prior=most_evident(fit, prior)))
-    return _judged(
+    fits = _consistent_fits(fit.unfitted(prior=most_evident_prior(fit, prior)))
+    return _identification(
         fits, ranges, held_out, notes, check_units=effort != "scale" and not known_masses,
         accept_worse=accept_worse,
     )  # fmt: skip
@@ -146,8 +146,8 @@ def _known_masses(
     return sums
 
 
-def _first(
-    data: Sampled, rows: Rows, prior: Prior, *, chosen_band: bool, aged: bool
+def _first_fit(
+    data: ArmRecordings, rows: Rows, prior: Prior, *, can_narrow: bool, has_age: bool
 ) -> tuple[Fit, list[str]]:
     """The fit of simple friction, within the bandwidth of the efforts, and of their age.
 
@@ -155,25 +155,25 @@ def _first(
         data: The recordings.
         rows: Those of the data as they are.
         prior: Of the bodies.
-        chosen_band: Whether the band may be narrowed.
-        aged: Whether the efforts of all joints may have an age.
+        can_narrow: Whether the band may be narrowed.
+        has_age: Whether the efforts of all joints may have one and the same age.
     """
-    fit = bandwidth.with_bandwidth(_simple(rows, prior))
-    if chosen_band:
+    fit = bandwidth.with_bandwidth(_simple_fit(rows, prior))
+    if can_narrow:
         limit = bandwidth.noise_frequency(fit.rows, fit.problem.use, fit.residual)
         if limit is not None:
             data = replace(data, band=limit)
-            fit = bandwidth.with_bandwidth(_simple(data.rows(fit.rows.effort_band), prior))
+            fit = bandwidth.with_bandwidth(_simple_fit(data.rows(fit.rows.effort_band), prior))
     fit = _without_sticking(fit)
-    if not aged or all(motion.aged for motion in fit.rows.samples.motions):
+    if not has_age or all(motion.aged for motion in fit.rows.samples.motions):
         return fit, []
     return _with_best_age(fit, data)
 
 
-def _simple(rows: Rows, prior: Prior) -> Fit:
+def _simple_fit(rows: Rows, prior: Prior) -> Fit:
     """A fit of simple friction of every joint."""
     problem = Problem(rows, rows.samples.use & rows.samples.train[:, None], prior)
-    return fitted(problem, [SIMPLE] * rows.samples.n)
+    return fitted(problem, [SIMPLE_LAW] * rows.samples.n)
 
 
 def _without_sticking(fit: Fit) -> Fit:
@@ -182,23 +182,23 @@ def _without_sticking(fit: Fit) -> Fit:
         1.4826 * np.median(abs(residual[use])) if use.any() else np.inf
         for residual, use in zip(fit.residual.T, fit.problem.use.T, strict=True)
     ])  # fmt: skip
-    levels = np.array([own.coefficients.get(COULOMB, 0.0) for own in fit.friction])
+    levels = np.array([law.coefficients.get(COULOMB, 0.0) for law in fit.friction])
     exact = NOISELESS * np.sqrt((fit.rows.effort**2).mean(axis=0))
     rows = fit.rows.cleared(levels, np.maximum(sizes, exact))
-    return _simple(rows, fit.problem.prior)
+    return _simple_fit(rows, fit.problem.prior)
 
 
-def _with_best_age(fit: Fit, data: Sampled) -> tuple[Fit, list[str]]:
+def _with_best_age(fit: Fit, data: ArmRecordings) -> tuple[Fit, list[str]]:
     """The fit to efforts of the age that suits them, with a note."""
 
     def fit_at(age: float) -> tuple[Fit, float, float]:
-        now = fit
+        trial = fit
         if age != 0.0:
             rows = replace(data, age=age).rows(fit.rows.effort_band)
-            now = _without_sticking(_simple(rows, fit.problem.prior))
-        ageing = now.rows.ageing(now.predicted(now.rows.plain))
-        by, sd = uncertainty.added_coefficients(now, ageing[:, :, None])
-        return now, float(by[0]), float(sd[0])
+            trial = _without_sticking(_simple_fit(rows, fit.problem.prior))
+        ageing = trial.rows.ageing(trial.predicted(trial.rows.plain))
+        change, deviation = uncertainty.added_coefficients(trial, ageing[:, :, None])
+        return trial, float(change[0]), float(deviation[0])
 
     return with_age(fit_at, fit.rows.samples.band)
 
@@ -206,15 +206,15 @@ def _with_best_age(fit: Fit, data: Sampled) -> tuple[Fit, list[str]]:
 def _with_selected_laws(fit: Fit) -> tuple[Fit, list[str]]:
     """Select friction laws, leave out outliers, and adapt the bandwidth of the efforts."""
     notes = list[str]()
-    for again in range(ROUNDS):
+    for attempt in range(ROUNDS):
         use = kept = fit.problem.use
-        fit = fitted(fit.problem, selected(fit))
-        if not again:
+        fit = fitted(fit.problem, select_laws(fit))
+        if attempt == 0:
             kept, notes = irregularities.without_outliers(fit, use)
         before, fit = fit.rows, bandwidth.with_bandwidth(fit)
         if np.array_equal(kept, use) and fit.rows is before:
             break
-        fit = fit.with_problem(use=kept)
+        fit = fit.unfitted(use=kept)
     return fit, notes
 
 
@@ -234,25 +234,25 @@ class _Fits(NamedTuple):
     strict: Fit
 
 
-def _consistent(fit: Fit) -> _Fits:
+def _consistent_fits(fit: Fit) -> _Fits:
     """Fit possible bodies to the rows that are not held out, and to all rows."""
     rows = fit.rows
-    trial = fit.again(consistent=True)
+    trial = consistent_fit(fit.refitted())
     whole = fit.problem.use | (rows.samples.use & ~rows.samples.train[:, None])
-    final = trial.again(use=irregularities.without_outliers(trial, whole)[0], consistent=True)
-    strict = final.again(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
+    use, _ = irregularities.without_outliers(trial, whole)
+    final = consistent_fit(trial.refitted(use=use))
+    strict = final.refitted(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
     laws = parameters.without_doubtful(strict)
     if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
-        use = final.problem.use
-        lean = fitted(final.problem, laws, consistent=True)
-        before, after = (bandwidth.mean_residual(fit.residual, use) for fit in (final, lean))
+        lean_fit = consistent_fit(fitted(final.problem, laws))
+        before, after = (bandwidth.mean_residual(fit.residual, use) for fit in (final, lean_fit))
         if after < LEAN_RATIO * before:
-            trial, final = fitted(trial.problem, laws, consistent=True), lean
-            strict = final.again(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
+            trial, final = consistent_fit(fitted(trial.problem, laws)), lean_fit
+            strict = final.refitted(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
     return _Fits(trial, final, strict)
 
 
-def _judged(
+def _identification(
     fits: _Fits, ranges: Array, held_out: float, notes: list[str], *, check_units: bool,
     accept_worse: bool,
 ) -> Identification:  # fmt: skip
@@ -274,7 +274,7 @@ def _judged(
     notes += validation.notes
     estimates = uncertainty.estimated(strict)
     details = parameters.details_of(estimates, strict, ranges, final)
-    notes += irregularities.all_of(trial, final)
+    notes += irregularities.notes_of(trial, final)
     if check_units:
         masses = final.theta[::PER_BODY], regressor.nominal[::PER_BODY]
         checks.check_masses(*masses, samples.names, validation.ratios)
@@ -304,15 +304,15 @@ def _scene(
         missing: Names of parameters that were not identified.
         notes: Receives a line for each result that a scene cannot express.
     """
-    rests = ranges <= checks.MOVED
+    rests = ranges <= checks.LEAST_RANGE
     laws = tuple(None if still else law for still, law in zip(rests, fit.friction, strict=True))
     unknown = [f"{name}.armature" in missing for name in fit.rows.samples.names]
-    armature = np.where(unknown & (ranges < checks.MOVED), np.nan, fit.armature)
+    armature = np.where(unknown & (ranges < checks.LEAST_RANGE), np.nan, fit.armature)
     scene = scene_with(fit.rows.samples.regressor.model, fit.theta, armature, laws, notes)
-    again = RigidRegressor(ArmModel(scene)).nominal  # it has the bodies that were identified
-    if not np.allclose(again, fit.theta, rtol=1e-6, atol=1e-9 * abs(fit.theta).max()):
+    written = RigidRegressor(ArmModel(scene)).nominal  # it has the bodies that were identified
+    if not np.allclose(written, fit.theta, rtol=1e-6, atol=1e-9 * abs(fit.theta).max()):
         raise InvalidInput("the identified inertias could not be written into the URDF")
-    if fit.changed:
+    if fit.is_corrected:
         notes.append(
             "the unconstrained fit is physically inconsistent; the best consistent one is used"
         )
@@ -332,5 +332,5 @@ def _torques(trial: Fit, final: Fit, nominal: Array) -> Torques:
         time=np.concatenate([m.time for m in rows.samples.motions]), measured=valid(rows.effort),
         predicted=np.where(rows.samples.use, predicted, np.nan), nominal=valid(nominal),
         v=rows.samples.v, held_out=~rows.samples.train,
-        friction=valid(rows.effort - after + final.own_predicted(rows)),
+        friction=valid(rows.effort - after + final.predicted_friction(rows)),
     )  # fmt: skip

@@ -13,8 +13,8 @@ from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.addresses import pointer
 from arm_studies.optimization.cost import Expansion
 
-# Flags for compilers, see ``compiler.build``
-OWN = (f"-I{Path(__file__).parent / 'native'}",)
+# Flags of the compiler for code that includes this folder, see ``compiler.build``.
+INCLUDE_FLAGS = (f"-I{Path(__file__).parent / 'native'}",)
 # Unlike the straight-line code of the equations, loops over small matrices benefit from SIMD.
 _FLAGS = tuple("-O3" if flag == "-O1" else flag for flag in compiler.FLAGS)
 
@@ -26,12 +26,12 @@ class Policy:
     Attributes:
         k: Shape (nodes, n).
         K: Shape (nodes, n, nx).
-        promised: Change of the cost predicted by the quadratic model, not positive.
+        change: Change of the cost predicted by the quadratic model, not positive.
     """
 
     k: Array
     K: Array
-    promised: float
+    change: float
 
 
 def backward(
@@ -55,16 +55,16 @@ def backward(
     """
     nodes, nx, width = slopes.shape
     n = width - nx
-    k, K, promised = np.empty((nodes, n)), np.empty((nodes, n, nx)), np.empty(1)
+    k, K, change = np.empty((nodes, n)), np.empty((nodes, n, nx)), np.empty(1)
     inputs = [
         np.ascontiguousarray(array, float)
         for array in (slopes, cost.x, cost.xx, cost.u, cost.uu, low, high)
     ]
     reached = library_of(nx, n).ilqr_backward(
         ctypes.c_longlong(nodes), *map(pointer, inputs), ctypes.c_double(damping),
-        pointer(k), pointer(K), pointer(promised),
+        pointer(k), pointer(K), pointer(change),
     )  # fmt: skip
-    return Policy(k, K, float(promised[0])) if reached == nodes else None
+    return Policy(k, K, float(change[0])) if reached == nodes else None
 
 
 @lru_cache
@@ -75,6 +75,6 @@ def library_of(nx: int, n: int) -> ctypes.CDLL:
         CompilerMissing: If there is no C compiler.
     """
     text = f'#define NX {nx}\n#define NU {n}\n#include "backward.c"\n'
-    library = compiler.build(text, "c", _FLAGS, OWN).library
+    library = compiler.build(text, "c", _FLAGS, INCLUDE_FLAGS).library
     library.ilqr_backward.restype = ctypes.c_longlong
     return library

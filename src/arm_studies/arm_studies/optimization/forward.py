@@ -15,11 +15,11 @@ from arm_sim.stepping.arm_table import ArmTable, Engine, RolloutFlags
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollouts import lanes
 from arm_sim.stepping.rollouts.lane_widths import widest
-from arm_studies.optimization.backward import OWN, Policy
+from arm_studies.optimization.backward import INCLUDE_FLAGS, Policy
 
 
 @dataclass(frozen=True)
-class Course:
+class Baseline:
     """A trajectory to be improved, with its policy.
 
     Attributes:
@@ -55,11 +55,11 @@ class Forward:
         """Compile what arms side by side need, unless that is done."""
         _ = self._library
 
-    def follow(self, course: Course, size: Array, x: Array, u: Array) -> None:
+    def follow(self, baseline: Baseline, size: Array, x: Array, u: Array) -> None:
         """Simulate an arm for each step size.
 
         Args:
-            course: The trajectory and its policy.
+            baseline: The trajectory and its policy.
             size: Step sizes, shape (b,).
             x: Receives states, shape (b, nodes + 1, nx); the first of each is an input. NaN once
                 an arm diverges.
@@ -67,16 +67,16 @@ class Forward:
         """
         code, alone = self._library, list(range(len(size)))
         if code is not None:
-            alone = self._side_by_side(code, course, size, x, u)
+            alone = self._side_by_side(code, baseline, size, x, u)
         for arm in alone:
-            self._one(course, size[arm], x[arm], u[arm])
+            self._follow_alone(baseline, size[arm], x[arm], u[arm])
 
     def _side_by_side(
-        self, code: Compiled, course: Course, size: Array, x: Array, u: Array
+        self, code: Compiled, baseline: Baseline, size: Array, x: Array, u: Array
     ) -> list[int]:
         """Simulate all arms; those that are returned meet stops and must be simulated alone."""
-        policy, flags = course.policy, RolloutFlags(len(size))
-        arrays = course.x, course.u, policy.k, policy.K, course.low, course.high, size
+        policy, flags = baseline.policy, RolloutFlags(len(size))
+        arrays = baseline.x, baseline.u, policy.k, policy.K, baseline.low, baseline.high, size
         inputs, shared = [*map(np.ascontiguousarray, arrays)], self._simulator.arm.parameters
         p = np.broadcast_to(shared, (len(size), len(shared)))
         arms = ArmTable.of(x, u, p, self._choice.dt, flags, self._engine)
@@ -86,17 +86,17 @@ class Forward:
         )  # fmt: skip
         return flags.marked(0, len(size))
 
-    def _one(self, course: Course, size: float, x: Array, u: Array) -> None:
+    def _follow_alone(self, baseline: Baseline, size: float, x: Array, u: Array) -> None:
         """Simulate an arm tick by tick through its events, x of shape (nodes + 1, nx)."""
-        stepper, policy, now = self._stepper, course.policy, x[0].copy()
+        stepper, policy, now = self._stepper, baseline.policy, x[0].copy()
         stepper.restart()
         stepper.p[:] = self._simulator.arm.parameters
         trace, effort, notes = np.empty((1, len(now))), np.empty((1, u.shape[1])), np.empty((1, 2))
         x[1:], u[:] = np.nan, np.nan
         for node in range(len(u)):
-            feedback = policy.K[node] @ (now - course.x[node])
-            command = course.u[node] + size * policy.k[node] + feedback
-            u[node] = np.clip(command, course.low[node], course.high[node])
+            feedback = policy.K[node] @ (now - baseline.x[node])
+            command = baseline.u[node] + size * policy.k[node] + feedback
+            u[node] = np.clip(command, baseline.low[node], baseline.high[node])
             if stepper.advance(now, u[node], trace, effort, notes) < 1:
                 break
             x[node + 1] = now
@@ -120,4 +120,4 @@ class Forward:
         types = [array, number, *[array] * 8, number, array, number]
         write, unit = partial(lanes.ticks_of_lanes, self._ticking, self._choice), ("forward.c",)
         build = partial(lanes.compile_lanes, write, name="ilqr_follow", types=types, units=unit)
-        return widest(1 if self.eventful else None, partial(build, folders=OWN))[0]
+        return widest(1 if self.eventful else None, partial(build, folders=INCLUDE_FLAGS))[0]

@@ -25,12 +25,12 @@ from arm_sim.inputs import check_whole
 from arm_studies._renaming import renamed_argument
 from arm_studies.optimization.backward import Policy, backward, library_of
 from arm_studies.optimization.cost import Cost
-from arm_studies.optimization.forward import Course, Forward
+from arm_studies.optimization.forward import Baseline, Forward
 
 # Step sizes that are tried
-SIZES: Final[Array] = np.array([0.5**k for k in range(8)])
+STEP_SIZES: Final[Array] = np.array([0.5**k for k in range(8)])
 # Regularization: initial value, factor, value below which it is zero, value above which to stop
-FIRST, FACTOR, LEAST, MOST = 1e-2, 5.0, 1e-8, 1e8
+DAMPING, FACTOR, LEAST_DAMPING, MOST_DAMPING = 1e-2, 5.0, 1e-8, 1e8
 # Margin to limits beyond rounding: at a limit itself a command has no derivative.
 _INSIDE = 1.0 - 1e-9
 
@@ -68,7 +68,7 @@ class Trajectory:
     cost: float
     feedback: Array
     costs: tuple[float, ...] = ()
-    damping: float = FIRST
+    damping: float = DAMPING
     verdict: str = ""
 
 
@@ -176,7 +176,7 @@ class ILQR:
         Raises:
             SimulationDiverged: If that motion diverges.
         """
-        policy = Policy(np.zeros(old.u.shape) + du, old.feedback, promised=0.0)
+        policy = Policy(np.zeros(old.u.shape) + du, old.feedback, change=0.0)
         trajectory = self._step(replace(old, costs=()), policy, np.ones(1), x0)
         if trajectory is None:
             raise SimulationDiverged("the motion diverges, or its cost is not finite")
@@ -194,17 +194,17 @@ class ILQR:
         """
         slopes, expansion = self._slopes(old), self.cost.expansion(old.x, old.u)
         low, high, damping = self._low - old.u, self._high - old.u, old.damping
-        while damping <= MOST:
+        while damping <= MOST_DAMPING:
             policy = backward(slopes, expansion, low, high, damping)
             better = self._line_search(old, policy) if policy else None
             if better is not None:
-                less = damping / FACTOR if damping > LEAST else 0.0
+                less = damping / FACTOR if damping > LEAST_DAMPING else 0.0
                 small = old.cost - better.cost <= self._tolerance * abs(old.cost)
-                verdict = "converged" if small and damping <= FIRST else ""
+                verdict = "converged" if small and damping <= DAMPING else ""
                 return replace(better, damping=less, verdict=verdict)
-            if policy and -policy.promised <= self._tolerance * abs(old.cost) and damping <= FIRST:
+            if policy and -policy.change <= self._tolerance * abs(old.cost) and damping <= DAMPING:
                 return replace(old, feedback=policy.K, verdict="converged")
-            damping = max(FACTOR * damping, FIRST)
+            damping = max(FACTOR * damping, DAMPING)
         return replace(old, verdict="stuck")
 
     @renamed_argument("told", "on_progress")
@@ -259,9 +259,9 @@ class ILQR:
 
     def _line_search(self, old: Trajectory, policy: Policy) -> Trajectory | None:
         """The best motion of a policy, of the first step sizes with a better one; else None."""
-        count = 1 if self._eventful else len(SIZES)  # lanes save nothing where arms have events
-        for first in range(0, len(SIZES), count):
-            trial = self._step(old, policy, SIZES[first : first + count])
+        count = 1 if self._eventful else len(STEP_SIZES)  # lanes save nothing with events
+        for first in range(0, len(STEP_SIZES), count):
+            trial = self._step(old, policy, STEP_SIZES[first : first + count])
             if trial is not None and trial.cost < old.cost:
                 return trial
         return None
@@ -275,8 +275,8 @@ class ILQR:
         x[:, 0] = old.x[0] if x0 is None else x0
         for forward, part in zip(self._forward, self._parts, strict=True):
             own = replace(policy, k=policy.k[part], K=policy.K[part])
-            course = Course(old.x[part], old.u[part], own, self._low[part], self._high[part])
-            forward.follow(course, sizes, x[:, part.start : part.stop + 1], u[:, part])
+            baseline = Baseline(old.x[part], old.u[part], own, self._low[part], self._high[part])
+            forward.follow(baseline, sizes, x[:, part.start : part.stop + 1], u[:, part])
         with np.errstate(over="ignore", invalid="ignore"):
             values = np.asarray(self.cost.value(x, u))
         values = np.where(np.isfinite(values) & np.isfinite(x).all(axis=(1, 2)), values, np.inf)

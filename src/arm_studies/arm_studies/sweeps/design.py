@@ -46,13 +46,12 @@ def points(study: Study) -> list[Point]:
     ]
     samples = [dict(zip(drawn, row, strict=True)) for row in zip(*columns, strict=True)]
     samples = samples or [{}] * study.samples
-    order = list(study.vary)
     points: list[Point] = []
     for row in product(*lists.values()):
         of_grid = dict(zip(lists, row, strict=True))
         for k, sample in enumerate(samples):
             values = of_grid | sample
-            points.append(Point(len(points), k, {key: values[key] for key in order}))
+            points.append(Point(len(points), k, {key: values[key] for key in study.vary}))
     return points
 
 

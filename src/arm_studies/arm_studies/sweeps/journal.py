@@ -55,11 +55,10 @@ class Journal:
 
     def add(self, rows: Iterable[Row]) -> None:
         """Write rows; they are on disk when this returns."""
-        lines = []
         for row in rows:
             self.rows[row.index] = row
-            lines.append(json.dumps([row.index, row.status, row.note, *row.metrics]))
-        self._file.write("".join(f"{line}\n" for line in lines).encode())
+            line = json.dumps([row.index, row.status, row.note, *row.metrics])
+            self._file.write(f"{line}\n".encode())
         self._file.flush()
 
     def _read(self, expected: dict[str, Any]) -> None:
@@ -90,11 +89,12 @@ class Journal:
             return  # new, or interrupted while its first line was written
         try:
             head = json.loads(lines[0])
-            assert isinstance(head, dict) and "format" in head
-        except (ValueError, AssertionError):
+        except ValueError:
+            head = None
+        if not isinstance(head, dict) or "format" not in head:
             raise InvalidInput(
                 f"'{self.path}' is not the journal of a sweep; another folder is expected"
-            ) from None
+            )
         expected = json.loads(json.dumps(expected))
         if (difference := _difference(head, expected)) is not None:
             key, was, now = difference

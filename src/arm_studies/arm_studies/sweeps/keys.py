@@ -18,12 +18,12 @@ _TUNABLE = {
     "coulomb": re.compile(r"joints\.[^.]+\.friction\.coulomb"),
     "gravity": re.compile(r"gravity\.\d"),
 }
-OF_STUDY = ("scene", "controller", "motion")
+STUDY_KEYS = ("scene", "controller", "motion")
 # Keys that require no new equations, except some of them.
-OF_RUN = (
+RUN_KEYS = (
     "motion", "controller.settings", "initial.position", "initial.velocity", "sensors", "commands",
 )  # fmt: skip
-IN_EQUATIONS = ("commands.gravity_compensated",)
+EQUATION_KEYS = ("commands.gravity_compensated",)
 
 
 def tunable(key: str) -> str | None:

@@ -13,7 +13,7 @@ from arm_dynamics.exceptions import InvalidInput, choices
 
 
 @dataclass(frozen=True)
-class MeasuredRun:
+class RunRecord:
     """A closed-loop run of k ticks and n joints.
 
     Attributes:
@@ -34,7 +34,7 @@ class MeasuredRun:
     limit: Array
     stops: Array
 
-    def of(self, joint: int) -> MeasuredRun:
+    def of(self, joint: int) -> RunRecord:
         """The run of one joint alone."""
         names = "q", "reference", "torque", "command", "limit", "stops"
         own = {name: getattr(self, name)[..., joint : joint + 1] for name in names}
@@ -49,21 +49,42 @@ class Metric:
         of: Function that computes it.
         name: What it is called in figures.
         unit: Its unit, for headings.
-        meaning: Its definition.
     """
 
-    of: Callable[[MeasuredRun], float]
+    of: Callable[[RunRecord], float]
     name: str
     unit: str
-    meaning: str
+
+    @property
+    def meaning(self) -> str:
+        """Its definition."""
+        return (self.of.__doc__ or "").partition("\n")[0]
 
 
-def _error(run: MeasuredRun) -> Array:
+def _error(run: RunRecord) -> Array:
     return run.q - run.reference
 
 
-def _overshoot(run: MeasuredRun) -> float:
-    """Largest overshoot relative to the distance, over joints with a goal away from the start."""
+def _tracking_rms(run: RunRecord) -> float:
+    """Root mean square of the tracking error, over time and joints."""
+    return _root_mean_square(_error(run))
+
+
+def _tracking_max(run: RunRecord) -> float:
+    """Largest tracking error of a joint."""
+    return _largest(_error(run))
+
+
+def _final_error(run: RunRecord) -> float:
+    """Largest tracking error of a joint at the end."""
+    return _largest(_error(run)[-1])
+
+
+def _overshoot(run: RunRecord) -> float:
+    """Largest overshoot of a joint beyond its goal, relative to its distance from the start.
+
+    Joints whose goal is the start have none.
+    """
     distance = run.reference[-1] - run.reference[0]
     moved = distance != 0.0
     if not moved.any():
@@ -72,20 +93,35 @@ def _overshoot(run: MeasuredRun) -> float:
     return float(np.maximum(beyond.max(), 0.0))
 
 
-def _energy(run: MeasuredRun) -> float:
-    """A torque that is constant over a tick does the work τ Δq in it."""
+def _energy(run: RunRecord) -> float:
+    """Work of the drives, with driving and braking both counted positive.
+
+    A torque that is constant over a tick does the work τ Δq in it.
+    """
     return float(np.abs(run.torque * np.diff(run.q, axis=0)).sum())
 
 
-def _stop_time(run: MeasuredRun) -> float:
-    at = (run.q[1:] <= run.stops[0]) | (run.q[1:] >= run.stops[1])
-    return float(run.dt * np.count_nonzero(at.any(axis=1)))
+def _torque_rms(run: RunRecord) -> float:
+    """Root mean square of the torques, over time and joints."""
+    return _root_mean_square(run.torque)
 
 
-def _saturation(run: MeasuredRun) -> float:
+def _torque_max(run: RunRecord) -> float:
+    """Largest torque of a joint."""
+    return _largest(run.torque)
+
+
+def _saturation(run: RunRecord) -> float:
+    """Fraction of the time for which the command of a joint is at its limit."""
     if not len(run.command):
         return 0.0
     return float((np.abs(run.command) >= run.limit).any(axis=1).mean())
+
+
+def _stop_time(run: RunRecord) -> float:
+    """Time for which a joint is at a stop."""
+    at_stop = (run.q[1:] <= run.stops[0]) | (run.q[1:] >= run.stops[1])
+    return float(run.dt * np.count_nonzero(at_stop.any(axis=1)))
 
 
 def _root_mean_square(values: Array) -> float:
@@ -97,39 +133,16 @@ def _largest(values: Array) -> float:
 
 
 METRICS: dict[str, Metric] = {
-    "tracking_rms": Metric(
-        lambda run: _root_mean_square(_error(run)), "RMS tracking error", "rad, m",
-        "root mean square of the tracking error, over time and joints",
-    ),
-    "tracking_max": Metric(
-        lambda run: _largest(_error(run)), "largest tracking error", "rad, m",
-        "largest tracking error of a joint",
-    ),
-    "final_error": Metric(
-        lambda run: _largest(_error(run)[-1]), "error at the end", "rad, m",
-        "largest tracking error of a joint at the end",
-    ),
-    "overshoot": Metric(
-        _overshoot, "overshoot", "1",
-        "largest overshoot of a joint beyond its goal, relative to its distance from the start",
-    ),
-    "energy": Metric(
-        _energy, "work of the drives", "J",
-        "work of the drives, with driving and braking both counted positive",
-    ),
-    "torque_rms": Metric(
-        lambda run: _root_mean_square(run.torque), "RMS torque", "N m, N",
-        "root mean square of the torques, over time and joints",
-    ),
-    "torque_max": Metric(
-        lambda run: _largest(run.torque), "largest torque", "N m, N", "largest torque of a joint",
-    ),
-    "saturation": Metric(
-        _saturation, "time at a limit", "1",
-        "fraction of the time for which the command of a joint is at its limit",
-    ),
-    "stop_time": Metric(_stop_time, "time at a stop", "s", "time for which a joint is at a stop"),
-}  # fmt: skip
+    "tracking_rms": Metric(_tracking_rms, "RMS tracking error", "rad, m"),
+    "tracking_max": Metric(_tracking_max, "largest tracking error", "rad, m"),
+    "final_error": Metric(_final_error, "error at the end", "rad, m"),
+    "overshoot": Metric(_overshoot, "overshoot", "1"),
+    "energy": Metric(_energy, "work of the drives", "J"),
+    "torque_rms": Metric(_torque_rms, "RMS torque", "N m, N"),
+    "torque_max": Metric(_torque_max, "largest torque", "N m, N"),
+    "saturation": Metric(_saturation, "time at a limit", "1"),
+    "stop_time": Metric(_stop_time, "time at a stop", "s"),
+}
 """All metrics by name."""
 
 
@@ -145,8 +158,8 @@ def check_joints(names: Sequence[str], joints: Sequence[str]) -> None:
             raise InvalidInput(f"study: metric '{name}': allowed joints: {choices(joint, joints)}")
 
 
-def measured(run: MeasuredRun, names: Sequence[str], joints: Sequence[str]) -> list[float]:
-    """Metrics of a run by name."""
+def evaluate(run: RunRecord, names: Sequence[str], joints: Sequence[str]) -> list[float]:
+    """Values of metrics of a run, by their names."""
     values = []
     for name in names:
         metric, _, joint = name.partition(".")

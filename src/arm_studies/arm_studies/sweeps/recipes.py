@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +25,7 @@ from arm_studies.sweeps.study import Study
 
 _PROBE = 1e-3  # relative change of a key's value that shows which quantity it is
 _SOME_FRICTION = 1.0  # [N m] or [N], in equations whose levels are inputs
-_LONG = 1000.0  # [s] of simulated time of one world above which SIMD code is compiled
+_LEAST_TIME = 1000.0  # [s] of simulated time of one world above which SIMD code is compiled
 type Slots = dict[str, tuple[int, ...]]
 
 
@@ -66,7 +65,7 @@ class Planner:
 
     def __init__(self, study: Study) -> None:
         self.study, self._contents = study, dict[str, dict[str, Any]]()
-        allowed = [*keys.OF_STUDY, *Scene.model_fields]
+        allowed = [*keys.STUDY_KEYS, *Scene.model_fields]
         for key in study.vary:
             if (first := key.partition(".")[0]) not in allowed:
                 raise SceneError(
@@ -95,11 +94,10 @@ class Planner:
     def recipe(self, group: Group) -> Recipe:
         """The recipe of a group's world."""
         study, base = self.study, self.content(group.scene)
-        of_study = keys.values_below(group.values, *keys.OF_STUDY)
+        of_study = keys.values_below(group.values, *keys.STUDY_KEYS)
         of_scene = {k: v for k, v in group.values.items() if k not in of_study}
         levels = {key: _SOME_FRICTION for key in group.slots if keys.tunable(key) == "coulomb"}
-        with _in_messages("vary"):
-            content = keys.with_values(base, of_scene | levels)
+        content = keys.with_values(base, of_scene | levels)
         tuned = [keys.tunable(key) for key in group.slots]
         content["tunable"] = list(dict.fromkeys([*content.get("tunable", ()), *tuned]))
         loop = self._loop(of_study)
@@ -113,7 +111,7 @@ class Planner:
             duration=study.duration,
             metrics=study.metrics,
             slots=tuple(group.slots.items()),
-            lanes=len(group.jobs) * study.duration >= _LONG,
+            lanes=len(group.jobs) * study.duration >= _LEAST_TIME,
             imperfect=content.get("sensors") is not None
             or any(value for key, value in commands.items() if key != "gravity_compensated"),
         )
@@ -154,8 +152,7 @@ class Planner:
         }
         if isinstance(values.get("controller"), str):  # whose settings stay
             values = {"controller.name" if k == "controller" else k: v for k, v in values.items()}
-        with _in_messages("vary"):
-            return keys.with_values(loop, values)
+        return keys.with_values(loop, values)
 
     def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
         """The content of a scene file with the study's changes merged into it."""
@@ -163,9 +160,11 @@ class Planner:
         if name not in self._contents:
             content = _content(load_scene(scene))
             if self.study.changes:
-                with _in_messages("changes"):
-                    changed = keys.overlaid(content, self.study.changes)
+                changed = keys.overlaid(content, self.study.changes)
+                try:
                     content = _content(load_scene(changed))
+                except SceneError as error:
+                    raise SceneError(f"study: 'changes': {error}") from None
             self._contents[name] = content
         return self._contents[name]
 
@@ -174,7 +173,7 @@ class Planner:
         if keys.below(key, ("initial",)):
             constraints = self.content(scene).get("constraints", ())
             return all(each["type"] == "contact" for each in constraints)
-        return keys.below(key, keys.OF_RUN) and not keys.below(key, keys.IN_EQUATIONS)
+        return keys.below(key, keys.RUN_KEYS) and not keys.below(key, keys.EQUATION_KEYS)
 
     def _slots(self, content: dict[str, Any], points: Sequence[Point]) -> Slots:
         """Keys that are entries of the vector p, and their indices.
@@ -189,17 +188,6 @@ class Planner:
                 if places := _places(content, key, name):
                     slots[key] = places
         return slots
-
-
-@contextmanager
-def _in_messages(key: str) -> Iterator[None]:
-    """Add a key of the study to error messages."""
-    try:
-        yield
-    except SceneError as error:
-        if str(error).startswith("study: "):
-            raise
-        raise SceneError(f"study: '{key}': {error}") from None
 
 
 def _content(scene: Scene) -> dict[str, Any]:

@@ -59,9 +59,9 @@ class Recipe:
 
     Attributes:
         scene: Content of the scene file, as JSON with the text of the robot description.
-        controller_scene: That of the controller's scene.
+        controller_scene: Content of the controller's scene, as JSON.
         controller: The study's choice, as JSON.
-        motion: Likewise.
+        motion: The study's motion, as JSON.
         duration: Duration of a run in [s].
         metrics: Names of the metrics.
         slots: Indices of varied values in their tunable quantities, by key.

@@ -21,7 +21,7 @@ from arm_studies.sweeps.runs import Job, Recipe, Row
 from arm_studies.sweeps.world import world_of
 
 _TIMEOUT = 10  # [s] timeout of a scheduler
-_WATCHED = 0.5  # [s] between checks of a worker for its parent
+_WATCH_INTERVAL = 0.5  # [s] between checks of a worker for its parent
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Task:
     compiled: bool
 
 
-def work(task: Task, parent: int | None = None) -> list[Row]:
+def run_task(task: Task, parent: int | None = None) -> list[Row]:
     """Rows of the runs of a task, in a process that ends with its parent, even if that is killed.
 
     Args:
@@ -47,7 +47,7 @@ def work(task: Task, parent: int | None = None) -> list[Row]:
         parent: Process id of the parent; None in a process that does not end with it.
     """
     if parent is not None:
-        _end_with(parent)
+        _end_with_parent(parent)
     try:
         world = world_of(task.recipe)
         if task.compiled:
@@ -58,10 +58,10 @@ def work(task: Task, parent: int | None = None) -> list[Row]:
 
 
 @cache
-def _end_with(parent: int) -> None:
+def _end_with_parent(parent: int) -> None:
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(_WATCHED)
+            time.sleep(_WATCH_INTERVAL)
         os._exit(1)
 
     Thread(target=watch, daemon=True).start()
@@ -85,7 +85,7 @@ def check_libraries(workers: int | None, cluster: str | None) -> None:
 
 
 @contextmanager
-def started(workers: int | None, cluster: str | None) -> Iterator[Workers]:
+def worker_pool(workers: int | None, cluster: str | None) -> Iterator[Workers]:
     """The workers, for the duration of the context.
 
     Args:
@@ -142,7 +142,7 @@ class Workers:
     def results(self, tasks: Iterable[Task]) -> Iterator[list[Row]]:
         """Rows of each, in order of completion; tasks are taken as workers become free."""
         if self.backend is None:
-            yield from map(work, tasks)
+            yield from map(run_task, tasks)
             return
         from joblib import Parallel, delayed, parallel_config
 
@@ -150,7 +150,7 @@ class Workers:
         try:
             with parallel_config(**self.backend):
                 parallel = Parallel(return_as="generator_unordered", batch_size=1)
-                yield from parallel(delayed(work)(task, parent) for task in tasks)
+                yield from parallel(delayed(run_task)(task, parent) for task in tasks)
         except (RuntimeError, ConnectionError) as error:
             of_joblib = isinstance(error, BrokenExecutor | ConnectionError)
             if not of_joblib and type(error).__module__.partition(".")[0] != "distributed":

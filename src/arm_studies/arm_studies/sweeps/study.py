@@ -21,10 +21,10 @@ from arm_studies.sweeps.metrics import METRICS
 type StudySource = str | os.PathLike[str] | Mapping[str, Any] | Study
 
 _NAME = "study"
-_PLAIN = (str, int, float, list)  # types of values in a list, besides true and false
+_VALUE_TYPES = (str, int, float, list)  # types of values in a list, besides true and false
 
 
-def _a_scene(value: object) -> object:
+def _check_scene(value: object) -> object:
     if not isinstance(value, str | Mapping):
         raise ValueError(
             "the name of a scene, a path, or a mapping as in a scene file is expected"
@@ -32,14 +32,7 @@ def _a_scene(value: object) -> object:
     return value
 
 
-def _count(value: object) -> object:
-    if isinstance(value, bool):
-        raise ValueError("a whole number is expected, not true or false")
-    return value
-
-
-SceneName = Annotated[str | dict[str, Any], pydantic.BeforeValidator(_a_scene)]
-Count = Annotated[pydantic.StrictInt, pydantic.BeforeValidator(_count)]
+SceneName = Annotated[str | dict[str, Any], pydantic.BeforeValidator(_check_scene)]
 
 
 class Varied(Part):
@@ -61,7 +54,7 @@ class Varied(Part):
 
     @pydantic.model_validator(mode="before")
     @classmethod
-    def _a_list(cls, data: object) -> object:
+    def _from_list(cls, data: object) -> object:
         if isinstance(data, list | tuple):
             return {"values": list(data)}
         if not isinstance(data, Mapping):
@@ -71,12 +64,12 @@ class Varied(Part):
         return data
 
     @pydantic.model_validator(mode="after")
-    def _one_of_them(self) -> Varied:
+    def _check_alternatives(self) -> Varied:
         if len(self.model_fields_set) != 1:
             raise ValueError(f"exactly one of {', '.join(Varied.model_fields)} is expected")
         if self.values == ():
             raise ValueError("the list is empty; at least one value is expected")
-        if unusable := [v for v in self.values or () if not isinstance(v, _PLAIN)]:
+        if unusable := [v for v in self.values or () if not isinstance(v, _VALUE_TYPES)]:
             raise ValueError(f"{unusable[0]!r} in the list; numbers, names or lists are expected")
         ends = self.uniform or self.log_uniform
         if ends and not ends[0] < ends[1]:
@@ -99,7 +92,7 @@ class ControllerChoice(Part):
 
     @pydantic.model_validator(mode="before")
     @classmethod
-    def _a_name(cls, data: object) -> object:
+    def _from_name(cls, data: object) -> object:
         return {"name": data} if isinstance(data, str) else data
 
 
@@ -127,7 +120,7 @@ class MotionChoice(Part):
     file: str | None = None
 
     @pydantic.model_validator(mode="after")
-    def _one_of_them(self) -> MotionChoice:
+    def _check_alternatives(self) -> MotionChoice:
         if self.points and self.file is not None:
             raise ValueError("points and file are given; one of them is expected")
         return self
@@ -160,16 +153,16 @@ class Study(Part):
     controller: ControllerChoice = ControllerChoice()
     motion: MotionChoice = MotionChoice()
     vary: dict[str, Varied] = {}
-    samples: Annotated[Count, pydantic.Field(ge=1, le=10_000_000)] = 1
+    samples: Annotated[pydantic.StrictInt, pydantic.Field(ge=1, le=10_000_000)] = 1
     sampling: Literal["random", "latin_hypercube"] = "random"
-    seed: Annotated[Count, pydantic.Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[pydantic.StrictInt, pydantic.Field(ge=0, lt=2**63)] = 0
     metrics: tuple[str, ...] = (
         "tracking_rms", "tracking_max", "overshoot", "energy", "saturation", "stop_time",
     )  # fmt: skip
 
     @pydantic.field_validator("metrics")
     @classmethod
-    def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_metrics(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         if not value:
             raise ValueError(f"the list is empty; allowed: {choices('', METRICS)}")
         for metric in (name.partition(".")[0] for name in value):

@@ -20,7 +20,7 @@ from arm_studies.sweeps.journal import Journal
 from arm_studies.sweeps.metrics import check_joints
 from arm_studies.sweeps.recipes import Group, Planner
 from arm_studies.sweeps.runs import Row
-from arm_studies.sweeps.sharing import Task, Workers, check_libraries, started
+from arm_studies.sweeps.sharing import Task, Workers, check_libraries, worker_pool
 from arm_studies.sweeps.study import Study, StudySource, load_study
 from arm_studies.sweeps.table import Table, table_of
 from arm_studies.sweeps.world import world_of
@@ -28,7 +28,7 @@ from arm_studies.sweeps.world import world_of
 # Runs per task such that the cost of passing it to a worker is negligible.
 _COMPILED_RUNS, _OTHER_RUNS = 32, 2
 _LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
-_FEWEST = 3  # results required for an estimate of the remaining time
+_LEAST_RESULTS = 3  # results required for an estimate of the remaining time
 
 
 @frozen
@@ -162,7 +162,7 @@ def sweep(
         pairs = zip(groups, left, strict=True)
         missing = [replace(group, jobs=jobs) for group, jobs in pairs if jobs]
         if missing:
-            pool = stack.enter_context(started(workers, cluster))
+            pool = stack.enter_context(worker_pool(workers, cluster))
             for activity, remaining in _simulate(planner, missing, pool, rows, journal):
                 report(Progress(len(rows), len(runs), remaining, activity))
         seconds = time.perf_counter() - begin
@@ -197,7 +197,7 @@ def _simulate(
         remaining, now = remaining - len(results), time.perf_counter()
         if number == 1:  # processes have started, and the first world is built
             first, begin = remaining, now
-        known = number >= _FEWEST
+        known = number >= _LEAST_RESULTS
         yield "running", remaining * (now - begin) / (first - remaining) if known else None
 
 

@@ -89,8 +89,7 @@ def table_of(study: Study, runs: Sequence[Point], rows: Mapping[int, Row]) -> Ta
     columns |= {key: _column([run.values[key] for run in runs]) for key in study.vary}
     for i, name in enumerate(study.metrics):
         columns[name] = np.array([row.metrics[i] for row in ordered])
-    columns["status"] = np.array([row.status for row in ordered])
-    columns["note"] = np.array([row.note for row in ordered])
+    columns |= {k: np.array([getattr(row, k) for row in ordered]) for k in ("status", "note")}
     return Table(columns, tuple(study.vary), study.metrics)
 
 

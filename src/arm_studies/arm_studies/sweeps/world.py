@@ -25,14 +25,14 @@ from arm_sim.stepping import Batch, Rollouts, Stepper
 from arm_studies.sweeps import course
 from arm_studies.sweeps.controllers import IMPERFECT, controller_of, gains, law, runs_compiled
 from arm_studies.sweeps.keys import tunable, values_below, with_values
-from arm_studies.sweeps.metrics import MeasuredRun, measured
+from arm_studies.sweeps.metrics import RunRecord, evaluate
 from arm_studies.sweeps.runs import DONE, Job, Recipe, Row
 from arm_studies.sweeps.study import ControllerChoice, MotionChoice, validated
 
 _LOOP = ("initial", "motion", "controller")  # keys of what is not the arm
-_FEWEST = 3  # smallest number of runs for which SIMD is worthwhile
+_LEAST_LANES = 3  # smallest number of runs for which SIMD is worthwhile
 _MOST_VALUES = 4_000_000  # largest number of values of runs that are simulated together
-_CACHED = 64  # number of courses, and of gains, of a world that are kept
+_CACHE_SIZE = 64  # number of courses, and of gains, of a world that are kept
 
 
 class World:
@@ -64,8 +64,8 @@ class World:
         self._nominal = simulator.arm.parameters
         self._slots = {key: list(places) for key, places in recipe.slots}
         # By their arguments as JSON, since mappings cannot be keys of a cache.
-        self._course_of = lru_cache(_CACHED)(self._course)
-        self._gains_of = lru_cache(_CACHED)(
+        self._course_of = lru_cache(_CACHE_SIZE)(self._course)
+        self._gains_of = lru_cache(_CACHE_SIZE)(
             lambda name, settings: gains(name, dynamics, Settings(**json.loads(settings)))
         )
 
@@ -106,7 +106,7 @@ class World:
         size = (self._ticks + 1) * (self._simulator.arm.plant.nx + len(self.joint_names))
         for group in groups.values():
             for part in batched(group, max(1, _MOST_VALUES // size)):
-                if len(part) >= _FEWEST:
+                if len(part) >= _LEAST_LANES:
                     rows |= self._side_by_side(part)
                 for run in part:
                     if run.job.index not in rows:
@@ -147,11 +147,11 @@ class World:
     def _row(self, run: _Run, q: Array, torque: Array, command: Array) -> Row:
         """Metrics of positions, torques and commands."""
         model, n = self._simulator.model, len(self.joint_names)
-        measurements = MeasuredRun(
+        record = RunRecord(
             dt=self._simulator.dt, q=q, reference=run.rows[:, :n], torque=torque, command=command,
             limit=model.standing_limit, stops=model.stops.place,
         )  # fmt: skip
-        values = measured(measurements, self._recipe.metrics, self.joint_names)
+        values = evaluate(record, self._recipe.metrics, self.joint_names)
         return Row(run.job.index, DONE, "", tuple(values))
 
     def _alone(self, run: _Run) -> Row:

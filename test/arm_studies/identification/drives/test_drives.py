@@ -8,20 +8,16 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from arm_dynamics import InvalidInput
-from arm_studies.identification.drives import (
-    JointTest,
-    Match,
-    MotorRecord,
-    SmallMotion,
-    identify_bristles,
-    identify_joint,
-    identify_motor,
-)
+from arm_studies.identification import drives
+from arm_studies.identification.drives import JointTest, MotorRecord, SmallMotion
+from arm_studies.identification.drives.law import Law, Trial
+from arm_studies.identification.drives.matching import match
 
 DT = 1e-3
 MOTOR = {
@@ -54,9 +50,22 @@ def steps(seed: int, low: float, high: float, count: int, each: int) -> np.ndarr
     return np.repeat(np.random.default_rng(seed).uniform(low, high, count), each)
 
 
-def close(found: Match, truth: dict[str, float], names: Sequence[str], rtol: float) -> None:
+def close(found: drives.Match, truth: dict[str, float], names: Sequence[str], rtol: float) -> None:
     values = {name: found.values[name] for name in names}
     assert values == pytest.approx({name: truth[name] for name in names}, rel=rtol)
+
+
+def test_trials_of_one_law_at_different_rates_share_no_kernel() -> None:
+    """By x' = -k x + u, whose solution is exact; trials of one law and length share kernels."""
+    k, x, u = (ca.SX.sym(name) for name in "kxu")
+    law, held, trials = Law(x, u, {"k": k}, u - k * x, x), steps(5, -1.0, 1.0, 12, 5), []
+    for dt in (0.02, 0.03):
+        y, fade = [1.0], np.exp(-2.0 * dt)
+        for level in held[:-1]:
+            y.append(y[-1] * fade + level / 2.0 * (1.0 - fade))
+        columns = held[:, None], np.array(y)[:, None], np.ones(1), np.zeros((1, 1))
+        trials.append(Trial(law, dt, *columns))
+    assert match(trials, {"k": 1.5}).values == {"k": pytest.approx(2.0, rel=1e-6)}
 
 
 # --- motors ------------------------------------------------------------------------------------
@@ -96,14 +105,14 @@ def motor_record(kind: Any, noise: float = 0.0, seed: int = 0, **more: Any) -> M
 
 @pytest.mark.parametrize("kinds", [("free",), ("blocked", "free", "coast")])
 def test_a_motor_is_found_from_its_tests(kinds: Sequence[str]) -> None:
-    found = identify_motor([motor_record(kind) for kind in kinds])
+    found = drives.identify_motor([motor_record(kind) for kind in kinds])
     close(found, MOTOR, tuple(MOTOR), 1e-5)
     assert found.follows and set(found.estimates) == set(MOTOR)
 
 
 def test_parameters_that_a_test_does_not_determine_are_named() -> None:
     """Blocked and coasting rotors determine friction over inertia only, and not K_t."""
-    found = identify_motor([motor_record("blocked"), motor_record("coast")])
+    found = drives.identify_motor([motor_record("blocked"), motor_record("coast")])
     close(found, MOTOR, ("resistance", "inductance"), 1e-5)
     told = {"torque_constant", "rotor_inertia", "rotor_damping", "coulomb"}
     assert set(found.missing) == told
@@ -113,7 +122,7 @@ def test_a_measured_torque_separates_torque_and_voltage_constants() -> None:
     """With K_t 5 % below K_e: the measured torque is smaller by that."""
     i = motor_runs()["blocked"][1][:, 0]
     blocked = motor_record("blocked", torque=0.95 * MOTOR["torque_constant"] * i)
-    found = identify_motor([blocked, motor_record("free")])
+    found = drives.identify_motor([blocked, motor_record("free")])
     assert found.values["torque_constant"] == pytest.approx(0.95 * 0.052, rel=1e-6)
     assert found.values["back_emf_constant"] == pytest.approx(0.052, rel=1e-6)
     assert found.values["rotor_inertia"] == pytest.approx(0.95 * 6.2e-5, rel=1e-5)
@@ -123,7 +132,7 @@ def test_voltage_at_the_open_winding_determines_the_back_emf() -> None:
     coasting = motor_record(
         "coast", voltage=MOTOR["torque_constant"] * motor_runs()["coast"][1][:, 1]
     )
-    found = identify_motor([coasting])
+    found = drives.identify_motor([coasting])
     close(found, MOTOR, ("torque_constant",), 1e-6)
     assert "rotor_inertia" in found.missing
 
@@ -133,7 +142,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     held = 0
     for seed in range(4):
         records = [motor_record(kind, 0.005, seed) for kind in motor_runs()]
-        found = identify_motor(records).estimates
+        found = drives.identify_motor(records).estimates
         held += sum(abs(found[k].value - x) <= found[k].interval for k, x in MOTOR.items())
     assert held >= 20
 
@@ -145,7 +154,7 @@ def test_records_of_something_else_give_no_numbers() -> None:
         "free", DT * np.arange(len(V)), voltage=V, current=x[::-1, 0],
         speed=100.0 * np.sin(0.05 * np.arange(len(V))),
     )  # fmt: skip
-    found = identify_motor([wrong])
+    found = drives.identify_motor([wrong])
     assert not found.follows and not found.values and set(found.missing) == set(MOTOR)
 
 
@@ -162,14 +171,14 @@ def test_a_flexible_joint_is_found_with_its_link_free() -> None:
     u = steps(2, -20.0, 20.0, 25, 20)
     x = solved(slope, [0.0, 0.0, 0.0, 0.0], u)
     record = JointTest.of(DT * np.arange(len(u)), u, x[:, 0], x[:, 2])
-    close(identify_joint(record), JOINT, tuple(JOINT), 1e-5)
+    close(drives.identify_joint(record), JOINT, tuple(JOINT), 1e-5)
 
 
 def test_a_flexible_joint_is_found_with_its_link_held() -> None:
     k, d, Jm = 900.0, 0.8, 0.4
     u = steps(3, -20.0, 20.0, 20, 20)
     x = solved(lambda x, u: (x[1], (u - k * (x[0] - 0.1) - d * x[1]) / Jm), [0.1, 0.0], u)
-    found = identify_joint(JointTest.of(DT * np.arange(len(u)), u, x[:, 0]))
+    found = drives.identify_joint(JointTest.of(DT * np.arange(len(u)), u, x[:, 0]))
     close(found, JOINT, ("stiffness", "damping", "motor_inertia"), 1e-5)
     assert not found.missing
 
@@ -191,14 +200,14 @@ def lugre_record(seed: int, most: float, count: int, each: int) -> SmallMotion:
 
 def test_bristles_are_found_from_small_and_wide_motions() -> None:
     records = [lugre_record(1, 0.8, 13, 16), lugre_record(2, 3.2, 14, 24)]
-    found = identify_bristles(records)
+    found = drives.identify_bristles(records)
     close(found, LUGRE, tuple(LUGRE), 1e-4)
     assert found.follows
 
 
 def test_motions_below_breakaway_determine_stiffness_and_not_sliding_friction() -> None:
     """A third of the breakaway force contains no information on how friction falls with speed."""
-    found = identify_bristles([lugre_record(4, 0.3, 13, 16)])
+    found = drives.identify_bristles([lugre_record(4, 0.3, 13, 16)])
     close(found, LUGRE, ("inertia", "sigma0"), 1e-3)
     assert {"coulomb", "stribeck_velocity"} <= set(found.missing)
 
@@ -214,11 +223,13 @@ USELESS: dict[str, Callable[[], object]] = {
     "speed does not vary": lambda: MotorRecord.of("coast", T, speed=np.ones(50)),
     "times are not even: 0.02 s, then 0.026 s":
         lambda: MotorRecord.of("coast", np.where(T > 0.0205, T + 0.005, T), speed=T),
+    "times do not increase": lambda: MotorRecord.of("coast", 0.0 * T, speed=T),
+    "time 7 is not a finite": lambda: MotorRecord.of("coast", np.where(T == T[7], np.nan, T)),
     "at least 20 samples": lambda: MotorRecord.of("coast", T[:5], speed=T[:5]),
-    "friction over inertia": lambda: identify_motor([motor_record("coast")]),
-    "no record of a motor": lambda: identify_motor([]),
+    "friction over inertia": lambda: drives.identify_motor([motor_record("coast")]),
+    "no record of a motor": lambda: drives.identify_motor([]),
     "first guess of sigma0 = -1.0; a positive number":
-        lambda: identify_bristles([SmallMotion.of(T, np.sin(T), np.cos(T))], {"sigma0": -1.0}),
+        lambda: drives.identify_bristles([SmallMotion.of(T, T, -T)], {"sigma0": -1.0}),
     "torque is missing": lambda: JointTest.of(T, np.full(50, np.nan), T),
     "position is missing in some samples":
         lambda: SmallMotion.of(T, T, np.where(T == T[7], np.nan, np.cos(T))),

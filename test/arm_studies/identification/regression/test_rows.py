@@ -8,13 +8,7 @@ import pytest
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
-from arm_studies.identification.regression.friction import (
-    COULOMB,
-    EXCESS,
-    VISCOUS,
-    JointFit,
-    Shape,
-)
+from arm_studies.identification.regression import friction
 from arm_studies.identification.regression.irregularities import without_outliers
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
@@ -46,7 +40,8 @@ def test_friction_under_load_is_that_of_all_measured_times():
     q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
     (motion,) = (rows := rows_of(t, q)).samples.whole
     assert len(t) > 10 * len(rows.samples.v)
-    law = JointFit((VISCOUS, COULOMB, EXCESS), Shape(0.1, 0.6, 3.0))
+    kinds = friction.VISCOUS, friction.COULOMB, friction.EXCESS
+    law = friction.JointFit(kinds, friction.Shape(0.1, 0.6, 3.0))
     load, v = 3.0 * np.sin(1.7 * t), motion.v[:, 0]
     growth, way = law.shape.growth(load), np.sign(v)
     dense = np.column_stack([v, way * growth, way * growth * np.exp(-((v / 0.1) ** 2))])

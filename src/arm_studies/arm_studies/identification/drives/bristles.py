@@ -98,13 +98,13 @@ def identify_bristles(
         raise InvalidInput(
             f"guess: unknown parameter {known_names(unknown)}; allowed: {known_names(UNITS)}"
         )
-    numbers = {name: ca.SX.sym(name) for name in UNITS}
-    J, s0, s1, Fc, Fs, vs, s2 = numbers.values()
+    parameters = {name: ca.SX.sym(name) for name in UNITS}
+    J, s0, s1, Fc, Fs, vs, s2 = parameters.values()
     q, v, z, tau = (ca.SX.sym(name) for name in "qvzt")
     rate = lugre.bending(v, z, s0, friction.dry(v, 1.0, Fc, Fs - Fc, vs))
     resistance = lugre.torque(z, rate, s0, s1) + friction.viscous(v, s2)
     slope = ca.vertcat(v, (tau - resistance) / J, rate)
-    law = Law(ca.vertcat(q, v, z), tau, numbers, slope, q, _KINK_ERROR, _KINK_STEP)
+    law = Law(ca.vertcat(q, v, z), tau, parameters, slope, q, _KINK_ERROR, _KINK_STEP)
     by_size = sorted(records, key=lambda record: float(np.ptp(record.position)))
     start = _guess(by_size[0], by_size[-1]) | dict(guess or {})
     if len(records) > 1:  # the fit of the smallest motion is a better guess for the others
@@ -120,39 +120,39 @@ def _windows(record: SmallMotion, law: Law, start: Mapping[str, float]) -> list[
     O.D.E.", 1983).
     """
     v, tau = record.velocity, record.torque
-    most = start["static"] / start["sigma0"]
-    bent = (tau - start["inertia"] * np.gradient(v, record.dt)) / start["sigma0"]
-    x0 = np.column_stack([record.position, v, np.clip(bent, -most, most)])
-    around = np.array([[0.0, speed, 0.0] for speed in (0.0, abs(v).max())])
+    limit = start["static"] / start["sigma0"]
+    deflection = (tau - start["inertia"] * np.gradient(v, record.dt)) / start["sigma0"]
+    x0 = np.column_stack([record.position, v, np.clip(deflection, -limit, limit)])
+    typical_states = np.array([[0.0, speed, 0.0] for speed in (0.0, abs(v).max())])
     count = max(1, len(v) // _WINDOW)
     size = len(v) // count
     rows = [slice(k * size, (k + 1) * size) for k in range(count)]
     return [
-        Trial(law, record.dt, tau[part, None], record.position[part, None], x0[part.start], around,
-              f"{record.name}, from {record.time[part.start]:.4g} s")
+        Trial(law, record.dt, tau[part, None], record.position[part, None], x0[part.start],
+              typical_states, f"{record.name}, from {record.time[part.start]:.4g} s")
         for part in rows
     ]  # fmt: skip
 
 
-def _guess(small: SmallMotion, wide: SmallMotion) -> dict[str, float]:
+def _guess(narrow_motion: SmallMotion, wide_motion: SmallMotion) -> dict[str, float]:
     """First guesses: orders of magnitude, from which the fit converges.
 
     Least squares on the sticking motion, and on the fastest part of the widest one.
     """
-    q, tau = small.position, small.torque
-    acceleration = np.gradient(small.velocity, small.dt)
-    table = np.column_stack([acceleration, small.velocity, q, np.ones_like(q)])
+    q, tau = narrow_motion.position, narrow_motion.torque
+    acceleration = np.gradient(narrow_motion.velocity, narrow_motion.dt)
+    table = np.column_stack([acceleration, narrow_motion.velocity, q, np.ones_like(q)])
     J, s1, s0, _ = solved(table, tau, 1e-12)
     s0 = s0 if s0 > 0.0 else float(np.ptp(tau) / np.ptp(q))
-    J = J if J > 0.0 else s0 * small.dt**2  # it swings on its bristles within some samples
-    v = wide.velocity
-    fast = abs(v) > 0.2 * abs(v).max()  # where its sign is certain
-    columns = np.column_stack([np.gradient(v, wide.dt), np.sign(v), v])[fast]
-    J_wide, Fc, s2 = np.linalg.lstsq(columns, wide.torque[fast], rcond=1e-12)[0]
+    J = J if J > 0.0 else s0 * narrow_motion.dt**2  # it swings on its bristles within some samples
+    v = wide_motion.velocity
+    is_fast = abs(v) > 0.2 * abs(v).max()  # where its sign is certain
+    columns = np.column_stack([np.gradient(v, wide_motion.dt), np.sign(v), v])[is_fast]
+    J_wide, Fc, s2 = np.linalg.lstsq(columns, wide_motion.torque[is_fast], rcond=1e-12)[0]
     # Bristles alone give way by the range of torques over σ0.
-    slides = np.ptp(wide.position) > 3.0 * np.ptp(wide.torque) / s0
-    if not slides or Fc <= 0.0:
-        Fc = 1.5 * float(abs(wide.torque).max())  # breakaway is beyond all of these torques
+    is_sliding = np.ptp(wide_motion.position) > 3.0 * np.ptp(wide_motion.torque) / s0
+    if not is_sliding or Fc <= 0.0:
+        Fc = 1.5 * float(abs(wide_motion.torque).max())  # breakaway is beyond all of these torques
     elif J_wide > 0.0:
         J = J_wide
     damp = 0.3 * np.sqrt(s0 * J)  # a damping ratio of 0.15; one above 0.45 is not believed
@@ -160,7 +160,7 @@ def _guess(small: SmallMotion, wide: SmallMotion) -> dict[str, float]:
         "inertia": J, "sigma0": s0, "sigma1": s1 if 0.0 < s1 < 3.0 * damp else damp,
         "coulomb": Fc, "static": 1.3 * Fc,
         # Friction falls at speeds that were seen, if it slides, else above them.
-        "stribeck_velocity": (0.3 if slides else 3.0) * abs(v).max(),
-        "viscous": s2 if slides and s2 > 0.0 else 0.1 * damp,
+        "stribeck_velocity": (0.3 if is_sliding else 3.0) * abs(v).max(),
+        "viscous": s2 if is_sliding and s2 > 0.0 else 0.1 * damp,
     }  # fmt: skip
     return {name: float(value) for name, value in guess.items()}

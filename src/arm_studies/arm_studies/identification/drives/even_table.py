@@ -10,7 +10,7 @@ from arm_dynamics.arrays import Array, read_only, real_array
 from arm_dynamics.exceptions import InvalidInput
 
 _SHORTEST = 20  # samples
-_UNEVEN = 1e-2  # of a step
+_TOLERANCE = 1e-2  # of times, relative to a step
 
 
 def even_table(
@@ -31,14 +31,18 @@ def even_table(
         raise InvalidInput(
             f"{name}: time has shape {t.shape}; at least {_SHORTEST} samples are expected"
         )
+    if not np.isfinite(t).all():
+        raise InvalidInput(f"{name}: time {np.argmin(np.isfinite(t))} is not a finite number")
     steps = np.diff(t)
     median = float(np.median(steps))
-    uneven = ~(abs(steps - median) <= _UNEVEN * median)  # also those that are no numbers
-    if not median > 0.0 or uneven.any():
+    if not median > 0.0:
+        raise InvalidInput(f"{name}: times do not increase; a constant step is expected")
+    uneven = abs(steps - median) > _TOLERANCE * median
+    if uneven.any():
         i = int(np.argmax(uneven))
         raise InvalidInput(
             f"{name}: times are not even: {t[i]:.9g} s, then {t[i + 1]:.9g} s; a constant step of "
-            f"{median:.4g} s within 1 % is expected"
+            f"{median:.4g} s within {_TOLERANCE:.0%} is expected"
         )
     columns = {}
     for key, value in values.items():

@@ -81,9 +81,9 @@ def identify_joint(record: JointTest) -> Match:
         Those of ``UNITS`` that the test involves; ``missing`` names those that it does not
         determine.
     """
-    held, dt = not np.isfinite(record.link).any(), step_of(record.time)
-    trial = _held_trial(record, dt) if held else _free_trial(record, dt)
-    return match([trial], _guess(record, held, dt))
+    is_held, dt = not np.isfinite(record.link).any(), step_of(record.time)
+    trial = _held_trial(record, dt) if is_held else _free_trial(record, dt)
+    return match([trial], _guess(record, dt, is_held=is_held))
 
 
 def _held_trial(record: JointTest, dt: float) -> Trial:
@@ -92,8 +92,8 @@ def _held_trial(record: JointTest, dt: float) -> Trial:
     k, d, Jm = (ca.SX.sym(name) for name in names)
     th, om, q, tau = (ca.SX.sym(name) for name in ("th", "om", "q", "tau"))
     slope = ca.vertcat(om, (tau - transmission.elastic_torque(th - q, k, 0.0) - d * om) / Jm, 0)
-    numbers = dict(zip(names, (k, d, Jm), strict=True))
-    law = Law(ca.vertcat(th, om, q), tau, numbers, slope, th)
+    parameters = dict(zip(names, (k, d, Jm), strict=True))
+    law = Law(ca.vertcat(th, om, q), tau, parameters, slope, th)
     # Held about the middle of its swing.
     x0 = np.array([record.motor[0], np.diff(record.motor[:2])[0] / dt, record.motor.mean()])
     y = record.motor[:, None]
@@ -102,26 +102,26 @@ def _held_trial(record: JointTest, dt: float) -> Trial:
 
 def _free_trial(record: JointTest, dt: float) -> Trial:
     """Motor and link swing against each other."""
-    numbers = {name: ca.SX.sym(name) for name in UNITS}
-    k, d, Jm, Bm, Jl, Bl = numbers.values()
+    parameters = {name: ca.SX.sym(name) for name in UNITS}
+    k, d, Jm, Bm, Jl, Bl = parameters.values()
     th, om, q, v, tau = (ca.SX.sym(name) for name in ("th", "om", "q", "v", "tau"))
-    bent = transmission.elastic_torque(th - q, k, 0.0) + d * (om - v)
-    slope = ca.vertcat(om, (tau - bent - Bm * om) / Jm, v, (bent - Bl * v) / Jl)
-    law = Law(ca.vertcat(th, om, q, v), tau, numbers, slope, ca.vertcat(th, q))
+    joint_torque = transmission.elastic_torque(th - q, k, 0.0) + d * (om - v)
+    slope = ca.vertcat(om, (tau - joint_torque - Bm * om) / Jm, v, (joint_torque - Bl * v) / Jl)
+    law = Law(ca.vertcat(th, om, q, v), tau, parameters, slope, ca.vertcat(th, q))
     y = np.column_stack([record.motor, record.link])
     (th0, q0), (om0, v0) = y[0], np.diff(np.nan_to_num(y[:2]), axis=0)[0] / dt
     x0 = np.array([th0, om0, np.nan_to_num(q0), v0])
     return Trial(law, dt, record.torque[:, None], y, x0, np.zeros((1, 4)), record.name)
 
 
-def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
+def _guess(record: JointTest, dt: float, *, is_held: bool) -> dict[str, float]:
     """Least squares on the equations of motion with differences for velocities."""
     angles = np.column_stack([record.motor, np.nan_to_num(record.link)])
     speed, link_speed = ((angles[2:] - angles[:-2]) / (2 * dt)).T
     acceleration, link_acceleration = (np.diff(angles, 2, axis=0) / dt**2).T
     # Constant from sample to sample: at a sample, the mean of the steps before and after it.
     torque, zero = (record.torque[:-2] + record.torque[1:-1]) / 2.0, np.zeros_like(speed)
-    if held:
+    if is_held:
         columns = [record.motor[1:-1], speed, acceleration, zero + 1.0]
         solution = np.linalg.lstsq(np.column_stack(columns), torque, rcond=1e-12)[0]
         (stiffness, damping, inertia, _), link_inertia = solution, _INERTIA
@@ -133,9 +133,9 @@ def _guess(record: JointTest, held: bool, dt: float) -> dict[str, float]:
         stiffness, damping, inertia, _, link_inertia, _ = np.linalg.lstsq(table, y, rcond=1e-12)[0]
     inertia, link_inertia = (x if x > 0.0 else _INERTIA for x in (inertia, link_inertia))
     stiffness = stiffness if stiffness > 0.0 else inertia / (_SWING * dt) ** 2
-    small = _DAMPING * np.sqrt(stiffness * inertia)
+    least_damping = _DAMPING * np.sqrt(stiffness * inertia)
     return {
-        "stiffness": float(stiffness), "damping": float(max(damping, small)),
-        "motor_inertia": float(inertia), "motor_damping": float(small),
-        "link_inertia": float(link_inertia), "link_damping": float(small),
+        "stiffness": float(stiffness), "damping": float(max(damping, least_damping)),
+        "motor_inertia": float(inertia), "motor_damping": float(least_damping),
+        "link_inertia": float(link_inertia), "link_damping": float(least_damping),
     }  # fmt: skip

@@ -20,26 +20,26 @@ class Law:
     Attributes:
         x: States, shape (nx,).
         u: Inputs, constant between samples, shape (nu,).
-        numbers: Parameters by name, all positive.
+        parameters: Expressions by name, of positive numbers.
         slope: x', shape (nx,).
         outputs: Measured outputs, shape (ny,).
-        exact: Error of the simulation relative to a signal, below which a residual is
+        accuracy: Error of the simulation relative to a signal, below which a residual is
             meaningless; larger where a slope has kinks.
-        step: Longest Runge-Kutta step over the shortest time constant.
+        longest_step: Of the Runge-Kutta method, over the shortest time constant.
     """
 
     x: ca.SX
     u: ca.SX
-    numbers: Mapping[str, ca.SX]
+    parameters: Mapping[str, ca.SX]
     slope: ca.SX
     outputs: ca.SX
-    exact: float = 1e-8
-    step: float = 0.08
+    accuracy: float = 1e-8
+    longest_step: float = 0.08
 
     @property
     def p(self) -> ca.SX:
         """All parameters, shape (np,)."""
-        return ca.vertcat(*self.numbers.values())
+        return ca.vertcat(*self.parameters.values())
 
 
 @frozen
@@ -52,7 +52,7 @@ class Trial:
         u: Inputs, shape (k, nu); the last row is not used.
         y: Outputs, NaN where they were not measured, shape (k, ny).
         x0: First guess of the initial state, shape (nx,).
-        around: Typical states, from which the length of steps follows, shape (m, nx).
+        typical_states: States from which the length of steps follows, shape (m, nx).
         name: For messages.
     """
 
@@ -61,7 +61,7 @@ class Trial:
     u: Array
     y: Array
     x0: Array
-    around: Array
+    typical_states: Array
     name: str = "record"
 
     @property

@@ -2,16 +2,13 @@
 """Parameters of a law by fitting simulated trajectories to measured ones.
 
 The output-error method (Ljung, System Identification, 1999, sections 4.3 and 10.2): parameters p
-and the initial state minimize the difference of simulated and measured outputs. The minimum is
-located by the Levenberg-Marquardt method (Moré, "The Levenberg-Marquardt algorithm: implementation
-and theory", 1978); parameters are positive and searched by their logarithms, so that all errors
-are relative.
+and the initial state minimize the difference of simulated and measured outputs. Parameters are
+positive and searched by their logarithms, so that all errors are relative.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -22,6 +19,8 @@ from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.exceptions import InvalidInput
 from arm_studies._renaming import renamed_attribute
 from arm_studies.identification.drives.law import Trial, deviation, simulation
+from arm_studies.identification.drives.levenberg_marquardt import least_squares
+from arm_studies.identification.regression.uncertainty import NORMAL_95
 
 _MOST_STEPS = 512  # between two samples
 # Residual over signal, and its correlation from sample to sample, above which the residual is not
@@ -29,10 +28,9 @@ _MOST_STEPS = 512  # between two samples
 _SMALL, _CORRELATED = 1e-3, 0.6
 # Singular values relative to the largest, and entries of singular vectors, that are zero.
 _SINGULAR, _ROUNDING = 1e-9, 1e-7
+_UNDETERMINED = 1e100  # deviation along a direction that the records do not determine
 _VAGUE = 0.5  # relative half width of an interval above which a parameter is not identified
 _WEIGHTINGS = 3  # fits, each output weighted by the residual of the one before
-# Largest number of iterations and of steps tried in each; reduction of the cost that ends them.
-_ITERATIONS, _TRIES, _CONVERGED = 60, 12, 1e-12
 
 
 @frozen
@@ -106,21 +104,23 @@ def match(trials: Sequence[Trial], guess: Mapping[str, float]) -> Match:
     Raises:
         InvalidInput: If nothing varies, or a guess is not positive or its trajectory not finite.
     """
-    names = tuple(dict.fromkeys(name for trial in trials for name in trial.law.numbers))
+    names = tuple(dict.fromkeys(name for trial in trials for name in trial.law.parameters))
     if bad := [name for name in names if not 0.0 < guess.get(name, 0.0) < np.inf]:
         raise InvalidInput(
             f"first guess of {bad[0]} = {guess.get(bad[0])}; a positive number is expected"
         )
     log_p = np.log([guess[name] for name in names])
+    x0 = [np.array(trial.x0, float) for trial in trials]
     problem = _Problem(trials, names)
     problem.refine(log_p)
     for _ in range(_WEIGHTINGS):  # by each output's own noise, and steps that are short enough
-        log_p, problem.x0 = _least_squares(problem, log_p)
+        log_p, x0 = least_squares(problem.evaluate, log_p, x0)
+        _, follows, _ = _fitness(problem, log_p, x0)
         # Weights are the residual of the fit: if that is no noise, they would fit its error.
-        if not problem.refine(log_p) and not _fitness(problem, log_p).follows:
+        if not problem.refine(log_p) and not follows:
             break
-        problem.weigh(log_p)
-    return _estimated(problem, log_p)
+        problem.weigh(log_p, x0)
+    return _estimated(problem, log_p, x0)
 
 
 class _Problem:
@@ -128,10 +128,10 @@ class _Problem:
 
     def __init__(self, trials: Sequence[Trial], names: tuple[str, ...]) -> None:
         self.trials, self.names = trials, names
-        self.x0 = [np.array(trial.x0, float) for trial in trials]
         self.steps = [0] * len(trials)
         self._rolls: dict[int, Call] = {}
-        self._kernels: dict[tuple[int, int, int], Call] = {}  # windows of a record share one
+        # By law, interval, steps and length, which the windows of a record share.
+        self._kernels: dict[tuple[int, float, int, int], Call] = {}
         self.noise = [trial.size for trial in trials]  # zero: not used
         if not any(np.any(size > 0.0) for size in self.noise):
             raise InvalidInput("nothing varies in the records; motions or currents are expected")
@@ -144,32 +144,33 @@ class _Problem:
             slopes = ca.jacobian(law.slope, law.x)
             A = ca.Function("A", [law.x, law.u, law.p], [ca.densify(slopes)])
             still = np.zeros(law.u.shape[0])
-            rates = [np.linalg.eigvals(A(x, still, p).full()) for x in trial.around]
+            rates = [np.linalg.eigvals(A(x, still, p).full()) for x in trial.typical_states]
             rate = float(np.max(np.abs(rates)))
-            steps = int(np.clip(np.ceil(rate * trial.dt / law.step), 1, _MOST_STEPS))
+            steps = int(np.clip(np.ceil(rate * trial.dt / law.longest_step), 1, _MOST_STEPS))
             steps = 1 << (steps - 1).bit_length()  # few different ones, each of which is compiled
             if steps > self.steps[i]:
                 self.steps[i], shorter = steps, True
-                key = id(trial.law), steps, len(trial.y)
+                key = id(trial.law), trial.dt, steps, len(trial.y)
                 if key not in self._kernels:
                     self._kernels[key] = Kernel([simulation(trial, steps)]).call("roll")
                 self._rolls[i] = self._kernels[key]
         return shorter
 
-    def weigh(self, log_p: Array) -> None:
+    def weigh(self, log_p: Array, x0: list[Array]) -> None:
         """Estimate the noise of each output by its residual."""
         for i, trial in enumerate(self.trials):
-            y, _ = self.simulate(i, log_p, self.x0[i])
+            y, _ = self.simulate(i, log_p, x0[i])
             residual = np.array([deviation(column) for column in (y - trial.y).T])
-            self.noise[i] = np.maximum(residual, trial.law.exact * trial.size)
+            self.noise[i] = np.maximum(residual, trial.law.accuracy * trial.size)
 
     def _parameters(self, trial: Trial, log_p: Array) -> Array:
-        return np.exp([log_p[self.names.index(name)] for name in trial.law.numbers])
+        """Those of a trial's law, shape (np,)."""
+        return np.exp([log_p[self.names.index(name)] for name in trial.law.parameters])
 
     def simulate(self, i: int, log_p: Array, x0: Array) -> tuple[Array, Array]:
         """Outputs of a trial, shape (k, ny), and their derivatives, (k, ny, own p + nx)."""
         trial, roll = self.trials[i], self._rolls[i]
-        p, nx, m = self._parameters(trial, log_p), len(x0), len(trial.law.numbers)
+        p, nx, m = self._parameters(trial, log_p), len(x0), len(trial.law.parameters)
         seed = np.hstack([np.zeros((nx, m)), np.eye(nx)]).ravel(order="F")
         k, ny = trial.y.shape
         u = np.reshape(trial.u.T, roll.inputs[1].shape)
@@ -189,7 +190,7 @@ class _Problem:
             used = np.isfinite(trial.y) & (self.noise[i] > 0.0)
             size = np.where(self.noise[i] > 0.0, self.noise[i], 1.0)
             J = np.zeros((*trial.y.shape, width))
-            own = [self.names.index(name) for name in trial.law.numbers]
+            own = [self.names.index(name) for name in trial.law.parameters]
             J[..., own] = slopes[..., : len(own)]
             J[..., place : place + len(x0[i])] = slopes[..., len(own) :]
             place += len(x0[i])
@@ -198,57 +199,24 @@ class _Problem:
         return np.concatenate(rows), np.vstack(columns)
 
 
-def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]:
-    """Minimize by the Levenberg-Marquardt method from a guess."""
-    x0, damping = problem.x0, 1e-3
-    r, J = problem.evaluate(log_p, x0)
-    if not np.all(np.isfinite(r)):
-        raise InvalidInput(
-            "the trajectory of the first guess is not finite; another guess is expected"
-        )
-    for _ in range(_ITERATIONS):
-        before = float(r @ r)
-        scale = np.linalg.norm(J, axis=0)
-        scale = np.where(scale > 0.0, scale, 1.0)
-        A, b = (J / scale).T @ (J / scale), (J / scale).T @ r
-        for _ in range(_TRIES):
-            step = -np.linalg.solve(A + damping * np.eye(len(A)), b) / scale
-            step[: len(log_p)] = np.clip(step[: len(log_p)], -1.0, 1.0)
-            dp, *dx = np.split(step, np.cumsum([len(log_p), *map(len, x0)])[:-1])
-            new_p, new_x = log_p + dp, [x + change for x, change in zip(x0, dx, strict=True)]
-            r_new, J_new = problem.evaluate(new_p, new_x)
-            with np.errstate(over="ignore"):  # a step that went too far
-                after = float(r_new @ r_new)
-            if np.isfinite(after) and after <= before:
-                break
-            damping = min(damping * 6.0, 1e12)
-        else:
-            break
-        log_p, x0, r, J = new_p, new_x, r_new, J_new
-        damping = max(damping / 8.0, 1e-14)
-        if before - after <= _CONVERGED * before and np.abs(step[: len(log_p)]).max() < 1e-9:
-            break
-    return log_p, x0
-
-
-def _estimated(problem: _Problem, log_p: Array) -> Match:
+def _estimated(problem: _Problem, log_p: Array, x0: list[Array]) -> Match:
     """Intervals by the curvature of the sum of squares (Ljung, section 9.4), and what is missing.
 
     A residual is at least the error of the method, so that without noise the remaining rounding
     is not taken for information.
     """
-    r, J = problem.evaluate(log_p, problem.x0)
+    r, J = problem.evaluate(log_p, x0)
     count = len(problem.names)
     noise = max(np.sqrt(float(r @ r) / max(len(r) - J.shape[1], 1)), 1.0)
     lengths = np.linalg.norm(J, axis=0)
     scale = np.where(lengths > 0.0, lengths, 1.0)
     _, sigma, V = np.linalg.svd(J / scale, full_matrices=False)
-    spread = noise / np.maximum(sigma, 1e-100)
-    spread[sigma < _SINGULAR * sigma[0]] = 1e100
+    spread = noise / np.maximum(sigma, 1.0 / _UNDETERMINED)
+    spread[sigma < _SINGULAR * sigma[0]] = _UNDETERMINED
     part = np.where(abs(V) > _ROUNDING, V, 0.0)
     variance = np.sum((part * spread[:, None]) ** 2, axis=0)
-    relative = 1.96 * np.sqrt(variance[:count]) / scale[:count]
-    residual, follows, simulated = _fitness(problem, log_p)
+    relative = NORMAL_95 * np.sqrt(variance[:count]) / scale[:count]
+    residual, follows, simulated = _fitness(problem, log_p, x0)
     values, determined = np.exp(log_p), follows & (lengths[:count] > 0.0) & (relative < _VAGUE)
     columns = values.tolist(), (values * relative).tolist(), determined.tolist()
     rows = zip(problem.names, *columns, strict=True)
@@ -256,20 +224,12 @@ def _estimated(problem: _Problem, log_p: Array) -> Match:
     return Match(estimates, residual, follows, simulated)
 
 
-class _Fitness(NamedTuple):
-    """As of ``Match``."""
-
-    residual: float
-    follows: bool
-    simulated: tuple[Array, ...]
-
-
-def _fitness(problem: _Problem, log_p: Array) -> _Fitness:
+def _fitness(
+    problem: _Problem, log_p: Array, x0: list[Array]
+) -> tuple[float, bool, tuple[Array, ...]]:
     """Residual over signal, whether it is noise or hardly any, and the simulated outputs."""
     squares = products = signal = 0.0
-    simulated = tuple(
-        read_only(problem.simulate(i, log_p, x0)[0]) for i, x0 in enumerate(problem.x0)
-    )
+    simulated = tuple(read_only(problem.simulate(i, log_p, x)[0]) for i, x in enumerate(x0))
     for trial, y in zip(problem.trials, simulated, strict=True):
         size = np.where(trial.size > 0.0, trial.size, np.inf)
         r = np.nan_to_num((y - trial.y) / size)
@@ -277,4 +237,4 @@ def _fitness(problem: _Problem, log_p: Array) -> _Fitness:
         signal += np.sum(np.isfinite(trial.y) & np.isfinite(size))
     residual = float(np.sqrt(squares / signal))
     correlation = float(products / squares) if squares else 0.0
-    return _Fitness(residual, residual < _SMALL or correlation < _CORRELATED, simulated)
+    return residual, residual < _SMALL or correlation < _CORRELATED, simulated

@@ -119,26 +119,27 @@ def identify_motor(records: Sequence[MotorRecord]) -> Match:
             "coasting alone determines only friction over inertia; a free or blocked test of the "
             "same motor is expected, or the voltage at the open winding"
         )
-    two_constants = any(np.isfinite(record.torque).any() for record in records)
-    guess = _guess(records, two_constants)
-    return match([_trial(record, two_constants) for record in records], guess)
+    has_two_constants = any(np.isfinite(record.torque).any() for record in records)
+    guess = _guess(records, has_two_constants=has_two_constants)
+    trials = [_trial(record, has_two_constants=has_two_constants) for record in records]
+    return match(trials, guess)
 
 
 @one_at_a_time
-def _trial(record: MotorRecord, two_constants: bool) -> Trial:
+def _trial(record: MotorRecord, *, has_two_constants: bool) -> Trial:
     """The trial of a record, with a torque constant besides that of the back EMF or without."""
-    numbers = {name: ca.SX.sym(name) for name in UNITS}
-    if not two_constants:
-        numbers["back_emf_constant"] = numbers["torque_constant"]
-    R, L, Kt, Ke, J, B, C = numbers.values()
+    parameters = {name: ca.SX.sym(name) for name in UNITS}
+    if not has_two_constants:
+        parameters["back_emf_constant"] = parameters["torque_constant"]
+    R, L, Kt, Ke, J, B, C = parameters.values()
     i, w, V, direction = (ca.SX.sym(name) for name in ("i", "w", "V", "direction"))
     electric = motor.current_slope(V, i, motor.back_emf(w, Ke), L, R)
     friction = B * w + C * direction
-    constant = "back_emf_constant" if two_constants else "torque_constant"
+    constant = "back_emf_constant" if has_two_constants else "torque_constant"
     if record.kind == "blocked":
         states, slope = {"current": i}, ca.substitute(electric, w, 0)
-        outputs = states | {"torque": motor.torque(i, Kt) if two_constants else 0}
-        names = ["resistance", "inductance", *(["torque_constant"] if two_constants else [])]
+        outputs = states | {"torque": motor.torque(i, Kt) if has_two_constants else 0}
+        names = ["resistance", "inductance", *(["torque_constant"] if has_two_constants else [])]
     elif record.kind == "coast":
         states, slope = {"speed": w}, -friction / J
         outputs = states | {"voltage": motor.back_emf(w, Ke)}
@@ -146,9 +147,9 @@ def _trial(record: MotorRecord, two_constants: bool) -> Trial:
     else:
         states = outputs = {"current": i, "speed": w}
         slope = ca.vertcat(electric, (motor.torque(i, Kt) - friction) / J)
-        names = [name for name in UNITS if two_constants or name != "back_emf_constant"]
-    x, u, y = (ca.vertcat(*each) for each in (states.values(), (V, direction), outputs.values()))
-    law = Law(x, u, {name: numbers[name] for name in names}, slope, y)
+        names = [name for name in UNITS if has_two_constants or name != "back_emf_constant"]
+    x, u, y = (ca.vertcat(*parts) for parts in (states.values(), (V, direction), outputs.values()))
+    law = Law(x, u, {name: parameters[name] for name in names}, slope, y)
     inputs = np.column_stack([np.nan_to_num(record.voltage), _direction(record)])
     measured = np.column_stack([getattr(record, name) for name in outputs])
     x0 = np.nan_to_num([getattr(record, name)[0] for name in states])
@@ -161,16 +162,16 @@ def _direction(record: MotorRecord) -> Array:
     return np.asarray(np.sign(w + np.append(w[1:], w[-1])))
 
 
-def _guess(records: Sequence[MotorRecord], two_constants: bool) -> dict[str, float]:
+def _guess(records: Sequence[MotorRecord], *, has_two_constants: bool) -> dict[str, float]:
     """Least squares on the equations integrated over each interval, currents by trapezoids."""
     electric, mechanical = [np.zeros((0, 4))], [np.zeros((0, 4))]
     for record in records:
         i, w, V = np.nan_to_num(record.current), np.nan_to_num(record.speed), record.voltage
-        coasts = record.kind == "coast"
-        i = np.zeros_like(i) if coasts else i
+        is_coasting = record.kind == "coast"
+        i = np.zeros_like(i) if is_coasting else i
         mean_i, mean_w = (i[1:] + i[:-1]) / 2, (w[1:] + w[:-1]) / 2
         if np.isfinite(V).all():
-            mean_V = (V[1:] + V[:-1]) / 2 if coasts else V[:-1]
+            mean_V = (V[1:] + V[:-1]) / 2 if is_coasting else V[:-1]
             electric.append(np.column_stack([mean_i, np.diff(i) / record.dt, mean_w, mean_V]))
         if record.kind != "blocked":
             direction, rise = _direction(record)[:-1], np.diff(w) / record.dt
@@ -181,7 +182,7 @@ def _guess(records: Sequence[MotorRecord], two_constants: bool) -> dict[str, flo
     )
     R, Ke = R if R > 0.0 else 1.0, Ke if Ke > 0.0 else 0.1
     Kt = Ke
-    if two_constants:
+    if has_two_constants:
         i, tau = (np.concatenate([getattr(r, x) for r in records]) for x in ("current", "torque"))
         both = np.isfinite(i) & np.isfinite(tau)
         slope = float(solved(i[both, None], tau[both])[0]) if both.any() else 0.0

@@ -22,7 +22,7 @@ from arm_studies.identification.excitation.columns import friction_columns, of_b
 NOISE, RATE = 0.05, 1000.0
 _FLOOR = 0.01  # fraction of a joint's typical torque below which noise does not fall
 _DENSITY = 0.1  # prior standard deviation of a density, relative
-_TOTAL = 1e-4  # of the total mass, likewise: it is weighed
+_TOTAL = 1e-4  # prior standard deviation of the total mass, relative: it is weighed
 _FREE = 1e-3  # prior precision of armature and friction, in SI units
 
 

@@ -62,9 +62,8 @@ class Excitation:
 
     def __repr__(self) -> str:
         """A summary: the motion, and how well it determines parameters."""
-        spreads = () if self.masses is None else self.masses
-        masses = ", ".join(f"{x:.2%}" for x in spreads)
-        masses = f"; relative standard deviations of masses {masses}" if masses else ""
+        shares = [] if self.masses is None else [f"{x:.2%}" for x in self.masses]
+        masses = f"; relative standard deviations of masses {', '.join(shares)}" if shares else ""
         return (
             f"<Excitation of {len(self.joint_names)} joints: {self.motion.duration:g} s, from "
             f"rest to rest; {self.parameters} parameters, condition number {self.condition:.3g}, "
@@ -122,7 +121,7 @@ def excite(
         candidates.append((search.gain(y), y))
         on_progress(attempt + 1)
     _, y = max(candidates, key=lambda pair: pair[0])
-    sigma = np.linalg.svd(search.rows(y), compute_uv=False)
+    sigma = np.linalg.svd(search.rows(y).full(), compute_uv=False)
     rank = int(np.sum(sigma > 1e-9 * sigma[0]))
     if rank < len(sigma):
         raise InvalidInput(
@@ -130,7 +129,7 @@ def excite(
             "a larger workspace or more attempts are expected"
         )
     reached = np.array([value for value, _ in candidates])
-    masses = search.masses(y) if aim == MASSES else None
+    masses = read_only(search.masses(y).full()[:, 0]) if aim == MASSES else None
     return Excitation(
         motion=search.motion(y), joint_names=room.model.joint_names, masses=masses,
         condition=float(sigma[0] / sigma[-1]), information=float(2.0 * np.log(sigma).sum()),
@@ -139,7 +138,12 @@ def excite(
 
 
 class _Search:
-    """The problem in the coefficients y of the Fourier series, shape (n, 2 (N - 1))."""
+    """The problem in the coefficients y of the Fourier series, shape (n, 2 (N - 1)).
+
+    Attributes:
+        rows: The regressor as a function of y, transposed, shape (parameters, rows).
+        masses: If they are the aim, their standard deviations as a function of y, see ``spread``.
+    """
 
     @one_at_a_time
     def __init__(self, room: Room, period: float, harmonics: int, aim: str) -> None:
@@ -162,10 +166,10 @@ class _Search:
         motion = [ca.repmat(ca.DM(room.start), 1, len(times)) + y @ part[0], y @ part[1],
                   y @ part[2]]  # fmt: skip
         Wt = combinations.map(len(times))(*motion)
-        self._rows = ca.Function("rows", [y], [Wt])
+        self.rows = ca.Function("rows", [y], [Wt])
         if aim == MASSES:
             deviations = spread(model, _SOFT * self.speed, motion, period, typical)
-            self._masses = ca.Function("masses", [y], [deviations])
+            self.masses = ca.Function("masses", [y], [deviations])
             gain, cost = -ca.sum1(deviations) / deviations.shape[0], ca.log(ca.sumsqr(deviations))
         else:
             gain = columns.information(Wt)
@@ -173,14 +177,6 @@ class _Search:
         self._gain = ca.Function("gain", [y], [gain])
         g, self._lower, self._upper = self._constraints(motion)
         self._problem = {"x": ca.vec(y), "f": cost, "g": g}
-
-    def rows(self, y: Array) -> Array:
-        """The regressor, transposed, shape (parameters, rows)."""
-        return np.asarray(self._rows(y).full())
-
-    def masses(self, y: Array) -> Array:
-        """Standard deviations of masses; see ``spread``. Shape (bodies,)."""
-        return read_only(self._masses(y).full()[:, 0])
 
     def gain(self, y: Array) -> float:
         """The objective to maximize; minus infinity if the regressor is singular."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
-from arm_studies.identification.data import JointRecord, places, runs
+from arm_studies.identification.data import JointRecord, row_words, runs
 
 SATURATED = 8  # Number of consecutive samples at the same extreme effort that indicate saturation.
 # Departure of a position from uniform motion in [rad] or [m] from which an effort that does not
@@ -27,7 +27,7 @@ def without_frozen(record: JointRecord, start: float) -> tuple[JointRecord, list
         if stale.any():
             effort[stale, j] = np.nan
             notes.append(
-                f"'{name}': effort frozen in {places(stale, record.time - start)} while the "
+                f"'{name}': effort frozen in {row_words(stale, record.time - start)} while the "
                 "joint moves; its efforts there are not used (a sensor or a driver that stopped?)"
             )
     return replace(record, effort=read_only(effort)), notes
@@ -55,9 +55,8 @@ def saturated(effort: Array) -> NDArray[np.bool_]:
     """Samples in long runs of one and the same extreme value, shape (k, n)."""
     clipped = np.zeros(effort.shape, bool)
     for i, column in enumerate(effort.T):
-        for extreme in (np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)):
+        least, largest = np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)
+        for extreme in (least, largest) if least < largest else ():  # ``checks`` refuses constants
             for start, end in runs(column == extreme):
                 clipped[start:end, i] |= end - start >= SATURATED
-        if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
-            clipped[:, i] = False  # a constant effort is refused in ``checks``
     return clipped

@@ -2,13 +2,12 @@
 """Stretches of a recording without gaps, and their samples at even times."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification.data import JointRecord, interpolated, listed
+from arm_studies.identification.data import JointRecord, in_words, interpolated
 
 # Steps without a sample that split a recording; over shorter holes the filter gets interpolated
 # values, and only the samples that are missing are left out.
@@ -18,7 +17,7 @@ SHORTEST = 100  # Smallest number of samples of a stretch.
 # Fraction of a step by which samples may be off an even grid without being interpolated.
 GRID_TOLERANCE = 1e-3
 # Relative difference from the median step below which the mean is the step.
-EVEN = 0.02
+STEP_TOLERANCE = 0.02
 
 
 def pieces(record: JointRecord, step: float, start: float) -> tuple[list[JointRecord], list[str]]:
@@ -30,7 +29,7 @@ def pieces(record: JointRecord, step: float, start: float) -> tuple[list[JointRe
     cuts, notes = np.flatnonzero(np.diff(record.time) > GAP * step) + 1, []
     if cuts.size:
         gaps = np.column_stack([record.time[cuts - 1], record.time[cuts]]) - start
-        notes.append(f"the motion has gaps ({listed(gaps)}); nothing is used near them")
+        notes.append(f"the motion has gaps ({in_words(gaps)}); nothing is used near them")
     edges = [0, *cuts.tolist(), len(record.time)]
     spans = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
     long = [s for s in spans if s.stop - s.start >= SHORTEST]
@@ -48,13 +47,13 @@ def mean_step(stretches: list[JointRecord], step: float) -> float:
     """The mean step in [s] if times are even, so that no drift adds up; else the median.
 
     Args:
-        stretches: Those of a recording.
+        stretches: All stretches of a recording.
         step: The median.
     """
     longest = max(stretches, key=lambda stretch: len(stretch.time))
     steps = float(np.rint(np.diff(longest.time) / step).sum())  # also over rows that are missing
     mean = float(longest.time[-1] - longest.time[0]) / max(steps, 1.0)
-    return mean if abs(mean - step) < EVEN * step else step
+    return mean if abs(mean - step) < STEP_TOLERANCE * step else step
 
 
 def at_even_times(piece: JointRecord, step: float) -> JointRecord:
@@ -69,10 +68,9 @@ def at_even_times(piece: JointRecord, step: float) -> JointRecord:
     slopes = np.gradient(piece.q, piece.time, axis=0)
     effort, v, a = (interpolated(time, piece.time, x) for x in (piece.effort, piece.v, piece.a))
     effort[far] = np.nan
-    new = {"time": time, "q": cubic(time, piece.time, piece.q, slopes)}
-    new |= {"effort": effort, "v": v, "a": a}
-    parts: dict[str, Any] = {key: read_only(values) for key, values in new.items()}
-    return replace(piece, **parts)
+    q = cubic(time, piece.time, piece.q, slopes)
+    time, q, effort, v, a = map(read_only, (time, q, effort, v, a))
+    return replace(piece, time=time, q=q, effort=effort, v=v, a=a)
 
 
 def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
-from arm_studies.identification.clock import repaired, without_repeats
-from arm_studies.identification.data import JointRecord, MeasuredMotion, joined, places, runs
+from arm_studies.identification.clock import with_corrected_stamps, without_repeats
+from arm_studies.identification.data import JointRecord, MeasuredMotion, joined, row_words, runs
 from arm_studies.identification.preparation import even_grid
 from arm_studies.identification.preparation.doubtful_efforts import saturated, without_frozen
 from arm_studies.identification.signals import cutoff, decimation, filtering
@@ -57,7 +57,7 @@ class EvenRecord:
 
         Args:
             band: Cut-off frequency in [Hz].
-            age: That of the efforts in [s] where the recording does not state it.
+            age: Age of the efforts in [s] where the recording does not state it.
 
         Raises:
             InvalidInput: If the band is not positive, or too wide for the sampling rate.
@@ -116,7 +116,7 @@ def resampled(record: JointRecord) -> EvenRecord:
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else np.inf
     pieces, remarks = even_grid.pieces(record, step, start)
     notes = [*record.notes, *holes, *stuck, *remarks]
-    pieces = [repaired(piece) for piece in pieces]
+    pieces = [with_corrected_stamps(piece) for piece in pieces]
     notes += [note for piece in pieces for note in piece.notes if note not in notes]
     step = even_grid.mean_step(pieces, step)
     stretches = tuple(even_grid.at_even_times(piece, step) for piece in pieces)
@@ -138,7 +138,7 @@ def _holes(record: JointRecord, keys: Sequence[str]) -> list[str]:
         lost = ~np.isfinite(getattr(record, key))
         for name, rows in zip(record.joint_names, lost.T, strict=True):
             if rows.any() and not rows.all():
-                where = places(rows, record.time - record.time[0])
+                where = row_words(rows, record.time - record.time[0])
                 holes.append(f"'{name}': no {WORDS[key]} in {where}; {left_out} are not used")
     return holes
 

@@ -41,7 +41,7 @@ def with_bandwidth(fit: Fit) -> Fit:
         if band in tried:
             break
         tried.add(band)
-        trial = fit.again(rows=rows.low_passed(band))
+        trial = fit.refitted(rows=rows.low_passed(band))
         error = mean_residual(trial.residual, use)
         if not error < least:
             break

@@ -84,7 +84,7 @@ def prior_factor(theta: Array, mass: float, shape: float) -> Array:
     Args:
         theta: Ten inertial parameters of a body.
         mass: Relative standard deviation of its density.
-        shape: That of all else, as a distance; see ``_metric_factor``.
+        shape: Relative standard deviation of all else, as a distance; see ``_metric_factor``.
     """
     F = _metric_factor(theta)
     along = F @ theta

@@ -23,8 +23,8 @@ BODIES = 0.5
 # Prior deviations of bodies while scales are identified: of density, of all else. If bodies were
 # fixed, an error of the last bodies would be taken for a scale of their joints.
 SCALE_PRIOR = 0.03, 0.05
-# Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales, and by which
-# columns of efforts are matched with joints.
+# Assumed errors of the nominal bodies, of density and of all else, which limit the accuracy of
+# scales, and by which columns of efforts are matched with joints.
 NOMINAL_ERRORS = 0.12, 0.2
 
 

@@ -43,7 +43,7 @@ class Common:
 
     @classmethod
     def of(cls, rows: Rows, use: Mask, j: int) -> Common:
-        """Of one joint, which does not carry the bodies before it."""
+        """Columns of joint ``j``, which does not carry the bodies before it."""
         columns = np.hstack([rows.rigid[:, j], rows.inertia[:, j : j + 1]])
         carried = columns.any(axis=0)
         Q, R = np.linalg.qr(columns[use[:, j]][:, carried])
@@ -58,51 +58,57 @@ class Columns:
 
     Attributes:
         common: Of each joint: columns of bodies and of its armature.
-        own: Of each joint: low-pass filtered columns of its friction, shape (k, m_j).
+        friction: Of each joint: low-pass filtered columns of its friction, shape (k, m_j).
         places: Of each joint: indices of all its columns in x.
         size: Number of unknowns.
     """
 
     common: tuple[Common, ...]
-    own: tuple[Array, ...]
+    friction: tuple[Array, ...]
     places: tuple[Places, ...]
     size: int
 
     @classmethod
-    def of(cls, common: Sequence[Common], own: Sequence[Array]) -> Columns:
-        """Of bodies, armatures, then friction, joint by joint."""
+    def of(cls, common: Sequence[Common], friction: Sequence[Array]) -> Columns:
+        """Columns of bodies, armatures, then friction, joint by joint."""
         numbers = common[0].columns.shape[1] - 1
         start, places = numbers + len(common), []
-        for j, columns in enumerate(own):
+        for j, columns in enumerate(friction):
             of_friction = np.arange(start, start + columns.shape[1])
             places.append(np.concatenate([np.arange(numbers), [numbers + j], of_friction]))
             start += columns.shape[1]
-        return cls(tuple(common), tuple(own), tuple(places), start)
+        return cls(tuple(common), tuple(friction), tuple(places), start)
 
     def extended(self, added: Sequence[Array], places: Sequence[Places], count: int) -> Columns:
-        """With ``count`` more unknowns: columns of each joint, and which of these they are of."""
-        own = [np.column_stack(pair) for pair in zip(self.own, added, strict=True)]
+        """With more unknowns.
+
+        Args:
+            added: Their columns in each joint's rows.
+            places: Of each joint: which of the unknowns its columns belong to.
+            count: Their number.
+        """
+        friction = [np.column_stack(pair) for pair in zip(self.friction, added, strict=True)]
         wide = [np.append(a, self.size + b) for a, b in zip(self.places, places, strict=True)]
-        return Columns(self.common, tuple(own), tuple(wide), self.size + count)
+        return Columns(self.common, tuple(friction), tuple(wide), self.size + count)
 
     def predicted(self, x: Array) -> Array:
         """A x of shape (k, n)."""
         torques = []
-        for common, own, place in zip(self.common, self.own, self.places, strict=True):
+        for common, own, place in zip(self.common, self.friction, self.places, strict=True):
             m = common.columns.shape[1]
             torques.append(common.columns @ x[place[:m]] + own @ x[place[m:]])
         return np.column_stack(torques)
 
-    def own_predicted(self, x: Array) -> Array:
-        """The part of it that is the joints' own friction, shape (k, n)."""
-        pairs = zip(self.own, self.places, strict=True)
+    def predicted_friction(self, x: Array) -> Array:
+        """The part of ``predicted`` that is friction, shape (k, n)."""
+        pairs = zip(self.friction, self.places, strict=True)
         return np.column_stack(
             [own @ x[place[len(place) - own.shape[1] :]] for own, place in pairs]
         )
 
     def all_of(self, j: int) -> Array:
-        """All columns of a joint."""
-        return np.hstack([self.common[j].columns, self.own[j]])
+        """All columns of a joint, shape (k, m)."""
+        return np.hstack([self.common[j].columns, self.friction[j]])
 
     def whitened(self, y: Array, weights: Array, count: float) -> tuple[Array, Array]:
         """A triangle R and a vector z: ‖R x - z‖² is the weighted sum of squares up to a constant.
@@ -116,7 +122,7 @@ class Columns:
         for j, (common, place) in enumerate(zip(self.common, self.places, strict=True)):
             if not common.use.any():
                 continue
-            own = np.column_stack([self.own[j], y[:, j]])[common.use]
+            own = np.column_stack([self.friction[j], y[:, j]])[common.use]
             along = common.Q.T @ own
             across = np.linalg.qr(own - common.Q @ along, mode="r")
             m = common.T.shape[1]
@@ -168,7 +174,7 @@ class Prior:
         Args:
             nominal: Ten inertial parameters of each body.
             mass: Relative standard deviation of densities.
-            shape: That of all else.
+            shape: Relative standard deviation of all else.
             known_masses: Places of masses in x, and their sum in [kg], which is exact.
         """
         x0, rows = nominal.copy(), np.zeros((len(nominal), len(nominal)))
@@ -228,11 +234,11 @@ class Problem:
         return columns.whitened(self.target, weights, self.rows.samples.independent)
 
     def combined(self, columns: Columns, weights: Array) -> tuple[Array, Array]:
-        """Those of the rows and the prior together."""
+        """The triangle and vector of the rows and the prior together."""
         return self.prior.combined(*self.data(columns, weights))
 
 
-def with_mass(nominal: Array) -> list[slice]:
+def places_of_bodies(nominal: Array) -> list[slice]:
     """Places of the bodies that have a mass."""
     bodies = np.flatnonzero(nominal[::PER_BODY] > MASSLESS_BELOW).tolist()
     return [slice(PER_BODY * body, PER_BODY * (body + 1)) for body in bodies]
@@ -262,7 +268,7 @@ def consistent_solution(
         positive: Indices of coefficients that must not be negative.
     """
     x = start.copy()
-    movable = with_mass(nominal)
+    movable = places_of_bodies(nominal)
     barriers = 4 * len(movable) + len(positive)
     cost = max(float(np.sum((R @ x - z) ** 2)), 1.0)
     sharpness = barriers / cost

@@ -13,7 +13,7 @@ from arm_studies.identification.regression.regressor import PER_BODY
 DENSITIES, SHAPES = ((0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0))
 
 
-def most_evident(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
+def most_evident_prior(fit: Fit, prior: Callable[[float, float], Prior]) -> Prior:
     """The prior, by deviations of bodies from nominal, for which the evidence is largest.
 
     The logarithm of the marginal likelihood of a linear model with a normal prior (MacKay,

@@ -11,13 +11,22 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_studies.identification.regression import bodies, estimation, friction
+from arm_studies.identification.regression import estimation, friction
 from arm_studies.identification.regression.estimation import Columns, Problem
 from arm_studies.identification.regression.friction import JointFit, Shape, ShapeParameter
 from arm_studies.identification.regression.rows.rows import Rows
 
 SIGNED = (friction.COULOMB_SKEW, friction.VISCOUS_SKEW, friction.EXCESS)
-STEPS = 25  # Of Gauss-Newton, at most; the first four always.
+STEPS = 25  # Largest number of steps of Gauss-Newton.
+# First steps, which are accepted even if they are worse: each changes the weights and the loads
+# under which friction is computed, so that the costs of two of them do not compare.
+FIRST_STEPS = 4
+# Factors of the length of steps after a worse and after a better one, and the length at which
+# they end; one is a whole step.
+SHORTENING, LENGTHENING, SHORTEST = 0.3, 2.0, 1e-2
+ROUNDING = 1e-12  # Change of the cost below which it is rounding.
+REMOVALS = 4  # Largest number of fits until no law has a term of an impossible coefficient.
+LEAST_LOAD = 0.01  # Share of the dry friction that grows with the load below which none does.
 # ``tolerance`` of results: then shapes are known far better than any noise lets them be.
 TOLERANCE = 1e-6
 
@@ -33,7 +42,7 @@ class Fit:
         columns: The regression at the end.
         weights: Of each joint, shape (n,).
         load: Torques of the drives under which its friction was computed, shape (k, n).
-        changed: Whether bodies had to be changed to be physically consistent.
+        is_corrected: Whether bodies had to be changed to be physically consistent.
     """
 
     problem: Problem
@@ -42,7 +51,7 @@ class Fit:
     columns: Columns
     weights: Array
     load: Array
-    changed: bool = False
+    is_corrected: bool = False
 
     @property
     def rows(self) -> Rows:
@@ -62,7 +71,7 @@ class Fit:
 
     @cached_property
     def residual(self) -> Array:
-        """Efforts that it leaves, shape (k, n)."""
+        """Efforts that it does not explain, shape (k, n)."""
         return np.asarray(self.problem.target - self.columns.predicted(self.x))
 
     @cached_property
@@ -73,41 +82,37 @@ class Fit:
     def predicted(self, rows: Rows) -> Array:
         """Efforts of the same motion in rows with another bandwidth, shape (k, n)."""
         rigid = rows.rigid @ self.theta + rows.inertia * self.armature
-        return np.asarray(rows.known_torques + rigid + self.own_predicted(rows))
+        return np.asarray(rows.known_torques + rigid + self.predicted_friction(rows))
 
-    def own_predicted(self, rows: Rows) -> Array:
-        """The part of it that is the joints' own friction, shape (k, n)."""
+    def predicted_friction(self, rows: Rows) -> Array:
+        """Friction of the joints in rows with another bandwidth, shape (k, n)."""
         load = self.columns.predicted(self.x) + rows.known_torques
-        own = [
+        torques = [
             rows.friction(law, j, load[:, j]) @ [law.coefficients[kind] for kind in law.kinds]
             for j, law in enumerate(self.friction)
         ]
-        return np.column_stack(own)
+        return np.column_stack(torques)
 
-    def with_problem(self, **changes: Any) -> Fit:
+    def unfitted(self, **changes: Any) -> Fit:
         """The same numbers beside other ``rows``, ``use`` or ``prior``, not fitted to them yet."""
         return replace(self, problem=replace(self.problem, **changes))
 
-    def again(self, *, consistent: bool = False, **changes: Any) -> Fit:
+    def refitted(self, **changes: Any) -> Fit:
         """A fit of the same laws to other ``rows``, ``use`` or ``prior``."""
-        return fitted(replace(self.problem, **changes), self.friction, consistent=consistent)
+        return fitted(replace(self.problem, **changes), self.friction)
 
     @cached_property
     def with_shapes(self) -> tuple[Columns, list[tuple[int, ShapeParameter]]]:
-        """Its columns with its shapes as more unknowns, linearized; see ``linearized``."""
+        """The columns with the shapes as more unknowns, see ``linearized``."""
         return linearized(self, self.drives)
 
 
-def fitted(
-    problem: Problem, laws: Sequence[JointFit], *, consistent: bool = False,
-    tolerance: float = TOLERANCE,
-) -> Fit:  # fmt: skip
+def fitted(problem: Problem, laws: Sequence[JointFit], tolerance: float = TOLERANCE) -> Fit:
     """Fit all unknowns: linear ones in one step, shapes of friction by Gauss-Newton.
 
     Args:
         problem: Rows and prior.
         laws: Friction of each joint, with first guesses of its shapes.
-        consistent: Whether bodies must be physically consistent.
         tolerance: Change of the sum of the logarithms of the joints' residuals at which shapes
             have converged.
     """
@@ -116,14 +121,14 @@ def fitted(
     load = np.zeros_like(target)
     weights = 1.0 / estimation.deviations(target, load, use)
     fastest = abs(problem.rows.samples.v).max(axis=0)
-    for _ in range(4):  # impossible terms are removed
+    for _ in range(REMOVALS):
         fit = _converged(problem, laws, load, weights, tolerance)
         laws = [_without_inadmissible(law, fastest[j]) for j, law in enumerate(fit.friction)]
         before, after = ([(law.kinds, law.nonlinear) for law in x] for x in (fit.friction, laws))
         if before == after:
             break
         load, weights = fit.load, fit.weights
-    return _consistent(fit) if consistent else fit
+    return fit
 
 
 def _determinable(v: Array, law: JointFit) -> JointFit:
@@ -139,36 +144,36 @@ def _determinable(v: Array, law: JointFit) -> JointFit:
 def _converged(
     problem: Problem, laws: Sequence[JointFit], load: Array, weights: Array, tolerance: float
 ) -> Fit:
-    """The fit of these laws, possible or not."""
-    rows, least, damping = problem.rows, np.inf, 1.0
-    best: Fit | None = None
+    """The fit of laws at whose shapes the steps of Gauss-Newton end, possible or not."""
+    rows, accepted_cost, length = problem.rows, np.inf, 1.0
+    accepted: Fit | None = None
     for step in range(STEPS):
-        own = [rows.friction(law, j, load[:, j]) for j, law in enumerate(laws)]
-        columns = Columns.of(problem.common, own)
+        parts = [rows.friction(law, j, load[:, j]) for j, law in enumerate(laws)]
+        columns = Columns.of(problem.common, parts)
         x = estimation.solved(*problem.combined(columns, weights))
-        now = Fit(problem, x, _with_coefficients(laws, x, columns.size), columns, weights, load)
+        fit = Fit(problem, x, with_coefficients(laws, x, columns.size), columns, weights, load)
         deviation = estimation.deviations(problem.target, columns.predicted(x), problem.use)
         cost = float(np.log(deviation).sum())
-        gain = least - cost
-        if step > 4 and gain < -1e-12 and best is not None:
-            damping *= 0.3
-            if -gain < tolerance or damping < 1e-2:
+        gain = accepted_cost - cost
+        if step > FIRST_STEPS and gain < -ROUNDING and accepted is not None:
+            length *= SHORTENING
+            if -gain < tolerance or length < SHORTEST:
                 break
-            laws = _stepped(best, damping)
+            laws = _stepped(accepted, length)
             continue
-        least, best, laws = cost, now, now.friction
-        weights, load = 1.0 / deviation, now.drives
-        nonlinear = any(law.nonlinear for law in laws)
-        if step >= 3 and (not nonlinear or abs(gain) < tolerance):
+        accepted_cost, accepted, laws = cost, fit, fit.friction
+        weights, load = 1.0 / deviation, fit.drives
+        has_shapes = any(law.nonlinear for law in laws)
+        if step + 1 >= FIRST_STEPS and (not has_shapes or abs(gain) < tolerance):
             break
-        if nonlinear:
-            damping = min(1.0, 2.0 * damping)
-            laws = _stepped(replace(now, weights=weights, load=load), damping)
-    assert best is not None
-    return best
+        if has_shapes:
+            length = min(1.0, LENGTHENING * length)
+            laws = _stepped(replace(fit, weights=weights, load=load), length)
+    assert accepted is not None
+    return accepted
 
 
-def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[JointFit, ...]:
+def with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[JointFit, ...]:
     """The laws with the coefficients at the end of x."""
     ends = np.cumsum([len(law.kinds) for law in laws])
     parts = np.split(x[size - ends[-1] : size], ends[:-1])
@@ -178,14 +183,14 @@ def _with_coefficients(laws: Sequence[JointFit], x: Array, size: int) -> tuple[J
     )
 
 
-def _stepped(fit: Fit, damping: float) -> list[JointFit]:
+def _stepped(fit: Fit, length: float) -> list[JointFit]:
     """Laws whose shapes have made a Gauss-Newton step, with all linear unknowns free."""
     columns, parameters = linearized(fit, fit.load)
     x = estimation.solved(*fit.problem.combined(columns, fit.weights))
-    steps = damping * np.clip(x[fit.columns.size :], -friction.LARGEST_STEP, friction.LARGEST_STEP)
+    steps = length * np.clip(x[fit.columns.size :], -friction.LARGEST_STEP, friction.LARGEST_STEP)
     laws = list(fit.friction)
-    for (j, parameter), by in zip(parameters, steps.tolist(), strict=True):
-        laws[j] = replace(laws[j], shape=laws[j].shape.moved(parameter, by))
+    for (j, parameter), change in zip(parameters, steps.tolist(), strict=True):
+        laws[j] = replace(laws[j], shape=laws[j].shape.moved(parameter, change))
     return laws
 
 
@@ -195,7 +200,7 @@ def linearized(fit: Fit, load: Array) -> tuple[Columns, list[tuple[int, ShapePar
     Returns:
         The columns, and the joint and the parameter that each further unknown changes.
     """
-    parameters = [(j, each) for j, law in enumerate(fit.friction) for each in law.nonlinear]
+    parameters = [(j, item) for j, law in enumerate(fit.friction) for item in law.nonlinear]
     slopes = [_slopes(fit.rows, law, j, load[:, j]) for j, law in enumerate(fit.friction)]
     joints = np.array([j for j, _ in parameters])
     places = [np.flatnonzero(joints == j) for j in range(len(fit.friction))]
@@ -211,14 +216,14 @@ def _slopes(rows: Rows, law: JointFit, j: int, load: Array) -> Array:
     def torque(shape: Shape) -> Array:
         return np.asarray(rows.samples.sliding(replace(law, shape=shape), j, load) @ coefficients)
 
-    h, now, slopes = 1e-6, torque(law.shape), []
+    h, current, slopes = 1e-6, torque(law.shape), []  # h: of a difference
     for parameter in law.nonlinear:
         shape, span = law.shape.moved(parameter, h), h
         if shape == law.shape:  # at its upper bound
             shape, span = law.shape.moved(parameter, -h), -h
         if parameter.kind == "load":  # as far as its bounds let it move
             span = (shape.load or 0.0) - (law.shape.load or 0.0)
-        slopes.append((torque(shape) - now) / span)
+        slopes.append((torque(shape) - current) / span)
     return rows.filtered(np.column_stack(slopes), j)
 
 
@@ -230,7 +235,7 @@ def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:
         fastest: Largest speed of the joint, at which friction must have changed from its level at
             rest; else the change is viscous friction.
     """
-    c, shape, refused = law.coefficients, law.shape, law.refused
+    c, shape, steepness = law.coefficients, law.shape, law.steepness
     kinds = [k for k in law.kinds if k in SIGNED or c[k] > 0.0]
     level = c.get(friction.COULOMB, 0.0)
     if friction.EXCESS in kinds and (
@@ -247,35 +252,11 @@ def _without_inadmissible(law: JointFit, fastest: float) -> JointFit:
         at, factor = shape.table
         growth = level * float((np.diff(factor) / np.diff(at)).max())  # torque over load
         if growth > friction.LARGEST_GROWTH:
-            refused = growth
-        if friction.COULOMB not in kinds or shape.load <= 0.01 or growth > friction.LARGEST_GROWTH:
+            steepness = growth
+        if (
+            friction.COULOMB not in kinds
+            or shape.load <= LEAST_LOAD
+            or growth > friction.LARGEST_GROWTH
+        ):
             shape = replace(shape, load=None)
-    return replace(law, kinds=tuple(kinds), shape=shape, refused=refused)
-
-
-def _consistent(fit: Fit) -> Fit:
-    """The fit if it is physically consistent, else the best consistent one."""
-    problem, x = fit.problem, fit.x
-    R, z = problem.data(fit.columns, fit.weights)
-    nominal, n = problem.prior.x0, fit.rows.samples.n
-    moving = [i for i in range(len(nominal), len(nominal) + n) if np.linalg.norm(R[:, i]) > 0.0]
-    movable = estimation.with_mass(nominal)
-    if all(bodies.consistent(x[body], 1e-12) for body in movable) and (x[moving] >= 0.0).all():
-        return fit
-    kinds = [kind for law in fit.friction for kind in law.kinds]
-    of_friction = [i for i, kind in enumerate(kinds, len(nominal) + n) if kind not in SIGNED]
-    start, positive = x.copy(), [*moving, *of_friction]
-    for body in movable:
-        start[body] = bodies.nearest(nominal[body])
-    start[positive] = np.maximum(x[positive], 1e-3 * abs(x[positive]).max() + 1e-9)
-
-    def inside(x: Array) -> bool:
-        return bool((x[positive] > 0.0).all()) and all(bodies.consistent(x[b]) for b in movable)
-
-    share = 1.0
-    while not inside(start + share * (x - start)):
-        share *= 0.7
-    start += 0.9 * share * (x - start)
-    x = estimation.consistent_solution(*problem.prior.combined(R, z), start, nominal, positive)
-    laws = _with_coefficients(fit.friction, x, fit.columns.size)
-    return replace(fit, x=x, friction=laws, changed=True)
+    return replace(law, kinds=tuple(kinds), shape=shape, steepness=steepness)

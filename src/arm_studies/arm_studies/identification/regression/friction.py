@@ -106,14 +106,14 @@ class JointFit:
         kinds: Coefficients of ``LINEAR`` that are estimated.
         shape: Its nonlinear parameters.
         coefficients: Values by kind.
-        refused: Growth with the load that was left out because it is too steep, relative to the
+        steepness: Growth with the load that was left out because it is too steep, relative to the
             load; 0 if none was.
     """
 
     kinds: tuple[str, ...]
     shape: Shape = Shape()
     coefficients: dict[str, float] = field(default_factory=dict)
-    refused: float = 0.0
+    steepness: float = 0.0
 
     @property
     def nonlinear(self) -> list[ShapeParameter]:
@@ -134,3 +134,6 @@ class JointFit:
             factor = growth if kind in DRY else 1.0
             total += self.coefficients.get(kind, 0.0) * factor * self.shape.unloaded(kind, v)
         return total
+
+
+SIMPLE_LAW = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))  # of joints whose law is not selected yet

@@ -50,7 +50,7 @@ def without_outliers(fit: Fit, use: Mask) -> tuple[Mask, list[str]]:
     return kept, notes
 
 
-def all_of(trial: Fit, final: Fit) -> list[str]:
+def notes_of(trial: Fit, final: Fit) -> list[str]:
     """Notes of what a fit of the rows that are not held out, and one of all rows, show."""
     band, notes = final.rows.effort_band, list[str]()
     if band is not None:
@@ -80,10 +80,10 @@ def drifts(fit: Fit) -> list[str]:
     The residual along the motion, averaged over each of ``BLOCKS`` blocks, then has a slope over
     time that is significant against its scatter.
     """
-    rows, own, notes = fit.rows, fit.columns.own_predicted(fit.x), []
+    rows, friction, notes = fit.rows, fit.columns.predicted_friction(fit.x), []
     for j, name in enumerate(rows.samples.names):
         used = np.flatnonzero(fit.problem.use[:, j] & (rows.samples.v[:, j] != 0.0))
-        size = float(np.mean(abs(own[used, j]))) if used.size else 0.0
+        size = float(np.mean(abs(friction[used, j]))) if used.size else 0.0
         if used.size < 10 * BLOCKS or size == 0.0:
             continue
         along = fit.residual[used, j] * np.sign(rows.samples.v[used, j])
@@ -102,7 +102,7 @@ def drifts(fit: Fit) -> list[str]:
 def ripples(fit: Fit) -> list[str]:
     """Notes of joints whose dry friction changes over a turn, as with gears and misalignment.
 
-    It is if friction of the form sign(v) (a sin q + b cos q) explains the torques.
+    Friction of the form sign(v) (a sin q + b cos q) then explains the torques.
     """
     rows = fit.rows
     waves = np.zeros((*rows.samples.q.shape, 2 * rows.samples.n))
@@ -111,7 +111,7 @@ def ripples(fit: Fit) -> list[str]:
         waves[:, j, 2 * j], waves[:, j, 2 * j + 1] = sign * np.sin(q), sign * np.cos(q)
     coefficients, deviation = added_coefficients(fit, rows.of_joints(waves))
     sizes, sds = np.hypot(*coefficients.reshape(-1, 2).T), deviation.reshape(-1, 2).max(axis=1)
-    dry = [own.coefficients.get(COULOMB, 0.0) for own in fit.friction]
+    dry = [law.coefficients.get(COULOMB, 0.0) for law in fit.friction]
     return [
         f"'{name}': friction changes by ±{size / level:.0%} with the position over a turn; the "
         "scene has the mean ('friction.position' describes it)"

@@ -8,7 +8,6 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.springs import SpringTerms
 from arm_studies.identification.regression.base_parameters import BaseParameters, base_parameters
 
 # Inertial parameters of a body: mass, mass times centre of mass, inertia about the origin of its
@@ -48,13 +47,6 @@ class RigidRegressor:
         if model.has_followers:
             return np.asarray(np.einsum("ji,kjp->kip", model.followers, full))
         return full
-
-    def spring(self, q: Array, v: Array) -> Array:
-        """Torques of springs and their dampers for rows of shape (k, n), in [N m] or [N]."""
-        terms = SpringTerms(self.model)
-        if not terms.springs:
-            return np.zeros_like(q)
-        return np.array([terms.torque(*row) for row in zip(q, v, strict=True)])
 
     @cached_property
     def base(self) -> BaseParameters:

@@ -27,7 +27,7 @@ INITIAL_KINDS = (friction.VISCOUS, COULOMB)  # Kinds that every joint begins wit
 class Candidate(NamedTuple):
     """A column of a joint that may be selected, of a kind of ``friction.LINEAR`` or ``LOAD``.
 
-    The latter is friction that grows with the load.
+    ``LOAD`` is friction that grows with the load.
     """
 
     joint: int
@@ -35,13 +35,13 @@ class Candidate(NamedTuple):
     shape: Shape
 
 
-def selected(fit: Fit) -> list[JointFit]:
-    """The laws of each joint that predict best, with torques of the drives as of a fit."""
+def select_laws(fit: Fit) -> list[JointFit]:
+    """The laws of each joint that predict best, under the loads of a fit."""
     return _Selection(fit).run()
 
 
 def _candidates(j: int, speed: float, load: Array) -> list[Candidate]:
-    """Of a joint with a root mean square velocity under torques of shape (k,)."""
+    """Candidates of a joint with a root mean square velocity under torques of shape (k,)."""
     candidates = [Candidate(j, kind, Shape()) for kind in friction.LINEAR if kind != EXCESS]
     candidates += [Candidate(j, EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in SPEEDS]
     largest = float(abs(load).max())
@@ -51,7 +51,7 @@ def _candidates(j: int, speed: float, load: Array) -> list[Candidate]:
     return candidates
 
 
-def _law(chosen: Sequence[Candidate], coefficients: Sequence[float], refused: float) -> JointFit:
+def _law(chosen: Sequence[Candidate], coefficients: Sequence[float], steepness: float) -> JointFit:
     """The sum of candidates with these coefficients as one friction law."""
     values = {c.kind: float(x) for c, x in zip(chosen, coefficients, strict=True)}
     shapes = {c.kind: c.shape for c in chosen}
@@ -63,7 +63,7 @@ def _law(chosen: Sequence[Candidate], coefficients: Sequence[float], refused: fl
         shape = replace(shape, load=share, heaviest=shapes[friction.LOAD].heaviest)
         values[COULOMB] = max(grows + stays, 0.0)
     kinds = tuple(kind for kind in friction.LINEAR if kind in values)
-    return JointFit(kinds, shape, {kind: values[kind] for kind in kinds}, refused)
+    return JointFit(kinds, shape, {kind: values[kind] for kind in kinds}, steepness)
 
 
 class _Selection:
@@ -89,7 +89,7 @@ class _Selection:
         flat = [c for offer in offered for c in offer]
         self.candidates = dict(enumerate(flat, self.first))
         self.chosen = {place for place, c in self.candidates.items() if c.kind in INITIAL_KINDS}
-        self.refused = [0.0] * rows.samples.n  # growth that would predict better, but is too steep
+        self.steepness = [0.0] * rows.samples.n  # that would predict better, but is too large
         self.counts = problem.use.sum(axis=0) * rows.samples.independent
         self.sums = [self._products(fit, rows.samples.fold == fold) for fold in range(FOLDS)]
         self.total = sum((s for s in self.sums), np.zeros_like(self.sums[0]))
@@ -112,16 +112,16 @@ class _Selection:
         weights = self._weights()
         for _ in range(ROUNDS):
             before = set(self.chosen)
-            for j in range(len(self.refused)):
+            for j in range(len(self.steepness)):
                 self._extend(j, weights)
             weights = self._weights()
             if before == self.chosen:
                 break
         x, laws = self._solve(self.total, weights), []
-        for j, refused in enumerate(self.refused):
+        for j, steepness in enumerate(self.steepness):
             places = self._places(j)
             own = [self.candidates[place] for place in places]
-            laws.append(_law(own, x[places].tolist(), refused))
+            laws.append(_law(own, x[places].tolist(), steepness))
         return laws
 
     def _places(self, j: int) -> list[int]:
@@ -162,7 +162,7 @@ class _Selection:
         Friction must not fall under load, nor below zero towards rest, nor grow too steeply; also
         its steepest growth is returned.
         """
-        places, totals, possible, growth = [*self._places(j), *tried], [], True, 0.0
+        places, totals, is_possible, growth = [*self._places(j), *tried], [], True, 0.0
         shapes = {self.candidates[p].kind: self.candidates[p].shape for p in places}
         for sums in self.sums:
             x = self._solve(self.total - sums, weights, tried)
@@ -171,10 +171,10 @@ class _Selection:
             own = {self.candidates[p].kind: float(x[p]) for p in places}
             grows = own.get(friction.LOAD, 0.0)
             level = own[COULOMB] + grows
-            possible &= grows >= 0.0
-            possible &= own.get(EXCESS, 0.0) >= -friction.LARGEST_SHARE * max(level, 0.0)
+            is_possible &= grows >= 0.0
+            is_possible &= own.get(EXCESS, 0.0) >= -friction.LARGEST_SHARE * max(level, 0.0)
             growth = max(growth, grows / shapes[friction.LOAD].heaviest if grows else 0.0)
-        return np.array(totals), possible and growth <= friction.LARGEST_GROWTH, growth
+        return np.array(totals), is_possible and growth <= friction.LARGEST_GROWTH, growth
 
     def _extend(self, j: int, weights: Array) -> None:
         """Add laws to a joint one by one as long as they reduce the prediction error."""
@@ -183,21 +183,21 @@ class _Selection:
         least = max(LEAST_GAIN * self.counts[j], LEAST_VARIANCES)
         while True:
             kinds = {self.candidates[place].kind for place in self._places(j)}
-            choice: tuple[int, Array] | None = None
-            self.refused[j] = 0.0
+            pick: tuple[int, Array] | None = None
+            self.steepness[j] = 0.0
             for place, (joint, kind, _) in self.candidates.items():
                 if joint != j or kind in kinds:
                     continue
-                scores, possible, growth = self._scores(j, weights, [place])
-                worth = best.sum() - scores.sum() > least
-                better = np.count_nonzero(scores < best) >= FOLDS - 1
-                if kind == friction.LOAD and growth > friction.LARGEST_GROWTH and better and worth:
-                    self.refused[j] = growth
-                if possible and better and (choice is None or scores.sum() < choice[1].sum()):
-                    choice = place, scores
-            if choice is None or not best.sum() - choice[1].sum() > least:
+                scores, is_possible, growth = self._scores(j, weights, [place])
+                is_better = np.count_nonzero(scores < best) >= FOLDS - 1
+                is_steep = kind == friction.LOAD and growth > friction.LARGEST_GROWTH
+                if is_steep and is_better and best.sum() - scores.sum() > least:
+                    self.steepness[j] = growth
+                if is_possible and is_better and (pick is None or scores.sum() < pick[1].sum()):
+                    pick = place, scores
+            if pick is None or not best.sum() - pick[1].sum() > least:
                 return
-            place, best = choice
+            place, best = pick
             self.chosen.add(place)
 
 

@@ -22,7 +22,7 @@ ROUGH_TOLERANCE = 1e-3  # ``tolerance`` of fits that are only compared, to a few
 TEST_FOLDS = (FOLDS - 1, FOLDS // 2)
 
 
-def tabled(fit: Fit) -> Fit:
+def with_tables(fit: Fit) -> Fit:
     """The fit with other tables of friction over load, if they predict better.
 
     They are fitted without one fold, and compared by their prediction of it, for two folds. Tables
@@ -32,7 +32,7 @@ def tabled(fit: Fit) -> Fit:
     Args:
         fit: With friction that grows in proportion to the load.
     """
-    if all(own.shape.load is None for own in fit.friction):
+    if all(law.shape.load is None for law in fit.friction):
         return fit
     problem, use = fit.problem, fit.problem.use
 
@@ -45,8 +45,8 @@ def tabled(fit: Fit) -> Fit:
     chosen: Sequence[JointFit] = ()
     for count in COUNTS:
         laws = [
-            own if own.shape.load is None else _first_table(fit, j, count)
-            for j, own in enumerate(fit.friction)
+            law if law.shape.load is None else _first_table(fit, j, count)
+            for j, law in enumerate(fit.friction)
         ]
         trials = []
         for fold, before in zip(TEST_FOLDS, least, strict=True):
@@ -59,30 +59,30 @@ def tabled(fit: Fit) -> Fit:
         return fit
     refit = fitted(problem, chosen)
     determined = all(
-        own.shape.load is not None
-        and own.shape.points[-2][0] < abs(fit.drives[use[:, j], j]).max()
-        for j, own in enumerate(refit.friction)
-        if own.shape.points
+        law.shape.load is not None
+        and law.shape.points[-2][0] < abs(fit.drives[use[:, j], j]).max()
+        for j, law in enumerate(refit.friction)
+        if law.shape.points
     )
     return refit if determined else fit
 
 
 def _first_table(fit: Fit, j: int, count: int) -> JointFit:
     """A table at even loads whose last point explains a joint's friction best."""
-    own, use, load = fit.friction[j], fit.problem.use[:, j], fit.drives[:, j]
+    law, use, load = fit.friction[j], fit.problem.use[:, j], fit.drives[:, j]
     part = np.linspace(0.0, 1.0, count)
     largest = float(abs(load[use]).max())
     tables = [tuple(zip((e * largest * part).tolist(), part.tolist(), strict=True)) for e in ENDS]
-    shapes = [replace(own.shape, load=1.0, points=points) for points in tables]
+    shapes = [replace(law.shape, load=1.0, points=points) for points in tables]
     laws = [JointFit((VISCOUS, COULOMB)), *(JointFit((COULOMB,), shape) for shape in shapes)]
     table = np.hstack([fit.rows.friction(law, j, load) for law in laws])[use]
-    y = (fit.residual + fit.columns.own_predicted(fit.x))[use, j]
-    least, best = np.inf, own
+    y = (fit.residual + fit.columns.predicted_friction(fit.x))[use, j]
+    least, best = np.inf, law
     for k, shape in enumerate(shapes):
         A = table[:, [0, 1, 2 + k]]
         x = np.linalg.lstsq(A, y, rcond=1e-10)[0]
         squares = float(np.sum((y - A @ x) ** 2))
         if x[2] > 0.0 and squares < least:
             share = float(np.clip(x[2] / max(x[1] + x[2], 1e-300), 0.02, friction.LARGEST_SHARE))
-            least, best = squares, replace(own, shape=replace(shape, load=share))
+            least, best = squares, replace(law, shape=replace(shape, load=share))
     return best

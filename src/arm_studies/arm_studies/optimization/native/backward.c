@@ -59,8 +59,8 @@ static double value(const double H[NU][NU], const double* g, const double* k) {
  * indices of entries that are not at a limit, L the factor of their part of H. Returns their number, or -1 if H is not
  * positive definite there.
  */
-static int least(const double H[NU][NU], const double* g, const double* low, const double* high, double* k, int* at,
-                 double L[NU][NU]) {
+static int minimize(const double H[NU][NU], const double* g, const double* low, const double* high, double* k, int* at,
+                    double L[NU][NU]) {
   int count = 0, before = 0, last[NU], inside = 0;
   for (int iteration = 0; iteration < MOST_ITERATIONS; ++iteration) {
     double slope[NU], step[NU], trial[NU];
@@ -81,7 +81,7 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
     const double now = value(H, g, k);
     double size = 1.0;
     for (int halving = 0;; ++halving, size *= 0.5) {
-      double promised = 0.0;
+      double change = 0.0;
       inside = halving == 0;
       memcpy(trial, k, sizeof trial);
       for (int i = 0; i < count; ++i) {
@@ -89,9 +89,9 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
         const double target = k[m] + size * step[i];
         trial[m] = fmin(high[m], fmax(low[m], target));
         inside &= trial[m] == target;
-        promised += slope[m] * (trial[m] - k[m]);
+        change += slope[m] * (trial[m] - k[m]);
       }
-      if (value(H, g, trial) <= now + 0.1 * promised) break; /* Armijo's rule */
+      if (value(H, g, trial) <= now + 0.1 * change) break; /* Armijo's rule */
       if (halving == MOST_HALVINGS) return count; /* only rounding is left */
     }
     memcpy(k, trial, sizeof trial);
@@ -114,16 +114,16 @@ static void add_product(int rows, int inner, int columns, const double* A, int r
  * low, high:  limits of du, nodes * NU.
  * damping:    regularization: multiple of luu that is added to it for k and K.
  * k, K:       receive the policy, nodes * NU and nodes * NU * NX.
- * promised:   receives the predicted change of the cost under this policy.
+ * change:     receives the predicted change of the cost under this policy.
  * Returns nodes on success, else the node at which the curvature by the command is not positive.
  */
 EXPORTED long long ilqr_backward(long long nodes, const double* slopes, const double* lx, const double* lxx, const double* lu,
                                  const double* luu, const double* low, const double* high, double damping, double* k,
-                                 double* K, double* promised) {
+                                 double* K, double* change) {
   double V[NX][NX], v[NX];
   memcpy(V, lxx + nodes * NX * NX, sizeof V);
   memcpy(v, lx + nodes * NX, sizeof v);
-  *promised = 0.0;
+  *change = 0.0;
   for (long long node = nodes - 1; node >= 0; --node) {
     const double (*S)[NS] = (const double (*)[NS])(slopes + node * NX * NS);
     const double *cxx = lxx + node * NX * NX, *cuu = luu + node * NU * NU;
@@ -147,7 +147,7 @@ EXPORTED long long ilqr_backward(long long nodes, const double* slopes, const do
         H[i][c] = Q[NX + i][NX + c] + damping * cuu[i * NU + c];
       }
     for (int i = 0; i < NU; ++i) kn[i] = fmin(high[node * NU + i], fmax(low[node * NU + i], 0.0));
-    const int count = least(H, q + NX, low + node * NU, high + node * NU, kn, at, L);
+    const int count = minimize(H, q + NX, low + node * NU, high + node * NU, kn, at, L);
     if (count < 0) return node;
     /* A command at its limit has no feedback. */
     memset(Kn, 0, NU * NX * sizeof(double));
@@ -161,7 +161,7 @@ EXPORTED long long ilqr_backward(long long nodes, const double* slopes, const do
     add_product(NU, NU, NX, Q[NX] + NX, NS, 1, Kn[0], T[0]);
     add_product(NU, NU, 1, Q[NX] + NX, NS, 1, kn, t);
     for (int i = 0; i < NU; ++i) {
-      *promised += kn[i] * (q[NX + i] + 0.5 * t[i]);
+      *change += kn[i] * (q[NX + i] + 0.5 * t[i]);
       t[i] += q[NX + i];
     }
     for (int i = 0; i < NX; ++i) memcpy(V[i], Q[i], sizeof V[i]);

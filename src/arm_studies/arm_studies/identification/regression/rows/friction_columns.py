@@ -11,8 +11,8 @@ from arm_studies.identification.data import MeasuredMotion
 from arm_studies.identification.regression.friction import DRY, EXCESS, JointFit, Shape
 from arm_studies.identification.signals import decimation
 
-# Columns of each joint that are kept: of every kind, and some Stribeck velocities.
-KEPT = 8
+# Number of columns of each joint that are kept: of every kind, and some Stribeck velocities.
+CACHE_SIZE = 8
 
 
 class FrictionColumns:
@@ -25,7 +25,7 @@ class FrictionColumns:
     def __init__(
         self, motions: Sequence[MeasuredMotion], strides: Sequence[int], rows: Sequence[slice]
     ) -> None:
-        """Of the motions at all measured times, with the rows of each of their stretches."""
+        """Take motions at all measured times, and the rows of each of their stretches."""
         self._stretches = [
             (motion.v[stretch], stride)
             for motion, stride in zip(motions, strides, strict=True)
@@ -35,7 +35,7 @@ class FrictionColumns:
         self._near = np.concatenate([
             np.clip(np.arange(s.start, s.stop)[:, None] + reach, s.start, s.stop - 1) for s in rows
         ])  # fmt: skip
-        self.weights = lru_cache(KEPT * motions[0].n)(self._weights)
+        self.weights = lru_cache(CACHE_SIZE * motions[0].n)(self._weights)
 
     def __call__(self, fit: JointFit, joint: int, load: Array) -> Array:
         """Columns of a joint's friction, shape (k, kinds).

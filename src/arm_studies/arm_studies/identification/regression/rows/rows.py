@@ -12,27 +12,28 @@ import numpy as np
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.springs import SpringTerms
 from arm_studies.identification.data import JointRecord, interpolated
 from arm_studies.identification.preparation.even_record import EvenRecord, common_band, resampled
 from arm_studies.identification.regression.friction import EXCESS, JointFit
 from arm_studies.identification.regression.regressor import RigidRegressor
-from arm_studies.identification.regression.rows.friction_columns import KEPT
+from arm_studies.identification.regression.rows.friction_columns import CACHE_SIZE
 from arm_studies.identification.regression.rows.samples import Samples
 from arm_studies.identification.regression.rows.sticking import Whitening, pulses
 from arm_studies.identification.signals import decimation, filtering
 
-SAMPLED = 50  # Positions at which inertias are computed to see what noise of accelerations does.
+POSITIONS = 50  # Positions at which inertias are computed to see what noise of accelerations does.
 
 
 @dataclass(frozen=True)
-class Sampled:
+class ArmRecordings:
     """Recordings of an arm at constant rates, and how they become rows of a regression.
 
     Attributes:
         regressor: Of the nominal scene.
         recordings: Not filtered.
         band: Cut-off frequency of the low-pass filter in [Hz].
-        age: That of the efforts in [s] where a recording does not state it.
+        age: Age of the efforts in [s] where a recording does not state it.
         held_out: Fraction of each recording, at its end, that is held out.
         scales: Torque per unit of effort, shape (n,).
     """
@@ -47,8 +48,8 @@ class Sampled:
     @classmethod
     def of(
         cls, model: ArmModel, records: Sequence[JointRecord], band: float | None, held_out: float
-    ) -> Sampled:
-        """Of joint states; with None as band, it is chosen from the noise."""
+    ) -> ArmRecordings:
+        """Recordings from joint states; a band of None is chosen from the noise."""
         even = tuple(resampled(record) for record in records)
         band = common_band(even) if band is None else band
         return cls(RigidRegressor(model), even, band, held_out)
@@ -105,9 +106,11 @@ class Rows:
     @cached_property
     def known_torques(self) -> Array:
         """Torques of payloads and springs, which are known, filtered, shape (k, n)."""
-        regressor = self.samples.regressor
-        springs = self.of_joints(regressor.spring(self.samples.q, self.samples.v))
-        return np.asarray(self.rigid @ regressor.payload + springs)
+        samples, payload = self.samples, self.rigid @ self.samples.regressor.payload
+        terms, torques = SpringTerms(samples.regressor.model), np.zeros_like(samples.q)
+        if terms.springs:
+            torques[:] = [terms.torque(*row) for row in zip(samples.q, samples.v, strict=True)]
+        return np.asarray(payload + self.of_joints(torques))
 
     @cached_property
     def inertia(self) -> Array:
@@ -204,7 +207,7 @@ class Rows:
             armature: Inertia of each joint's drive, shape (n,).
         """
         regressor, q = self.samples.regressor, self.samples.q
-        q = q[:: len(q) // SAMPLED + 1]
+        q = q[:: len(q) // POSITIONS + 1]
         still = np.zeros_like(q)
         columns = [
             (regressor(q, still, still + unit) - regressor(q, still, still)) @ theta
@@ -239,7 +242,7 @@ class Rows:
             weights = self.samples.sliding.weights(joint, kind, stribeck_velocity)
             return self.filtered(weights.sum(axis=1), joint)
 
-        return lru_cache(KEPT * self.samples.n)(column)
+        return lru_cache(CACHE_SIZE * self.samples.n)(column)
 
 
 def nominal_efforts(rows: Rows) -> Array:

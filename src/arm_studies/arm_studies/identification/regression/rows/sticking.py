@@ -89,7 +89,7 @@ class Whitening:
 
     @classmethod
     def of(cls, torques: Array) -> Whitening:
-        """Of independent torques in the rows that are used, relative to the residual's size."""
+        """Whitening of independent torques in the rows used, relative to the residual's size."""
         power, axes = np.linalg.eigh(torques.T @ torques)
         strong = power > LEAST_POWER
         return cls(torques @ (axes[:, strong] / np.sqrt(power[strong])), power[strong])

@@ -9,8 +9,8 @@ from samples import sampled
 
 from arm_dynamics import ArmModel, load_scene
 from arm_studies.identification import JointRecord, prepare
+from arm_studies.identification.regression.effort_faults import ColumnMatch, delays, scales, swaps
 from arm_studies.identification.regression.estimation import Prior, Problem
-from arm_studies.identification.regression.matching import ColumnMatch, delayed, mismatched, scaled
 from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.rows.samples import Samples
@@ -47,15 +47,15 @@ def late(by: int):
 )
 def test_signs_and_delays_whatever_the_bodies(scene, heavier):
     right = recorded(scene, heavier, lambda tau: tau)
-    assert mismatched(right) == delayed(right) == []
+    assert swaps(right) == delays(right) == []
     signs = np.ones(ArmModel(load_scene(scene)).n)
     signs[1] = -1.0
-    assert mismatched(recorded(scene, heavier, lambda tau: tau * signs)) == [ColumnMatch(1, 1, -1)]
+    assert swaps(recorded(scene, heavier, lambda tau: tau * signs)) == [ColumnMatch(1, 1, -1)]
     for by in (-12, 40):
-        (found,) = delayed(recorded(scene, heavier, late(by)))
+        (found,) = delays(recorded(scene, heavier, late(by)))
         assert found.joint == 1
-        assert found.late == pytest.approx(0.01 * by, abs=2e-3)
-        assert found.after == pytest.approx(0.05, abs=0.02)  # the noise
+        assert found.lag == pytest.approx(0.01 * by, abs=2e-3)
+        assert found.remainder == pytest.approx(0.05, abs=0.02)  # the noise
 
 
 def noisy(tau):
@@ -66,13 +66,13 @@ def noisy(tau):
     (lambda tau: 1e-3 * tau, [1, 1]), (lambda tau: tau, [1, 0]), (noisy, [1, 1]),
 ])  # fmt: skip
 def test_units_rest_and_noise_are_no_mismatch(change, moving):
-    assert mismatched(recorded("two_link", 1.0, change, moving)) == []
+    assert swaps(recorded("two_link", 1.0, change, moving)) == []
 
 
 def test_scales_whose_interval_has_the_truth():
     """None of bodies within their prior, or where friction dominates."""
-    (found,) = scaled(recorded("panda", 1.0, lambda tau: tau * [1, 3, 1, 1, 1, 1, 1]))
+    (found,) = scales(recorded("panda", 1.0, lambda tau: tau * [1, 3, 1, 1, 1, 1, 1]))
     assert found.joint == 1 and found.low < 3.0 < found.high
     assert found.factor == pytest.approx(3.0, rel=0.2)
-    assert scaled(recorded("panda", 1.2, lambda tau: tau)) == []
-    assert scaled(recorded("panda", 1.0, lambda tau: tau * [1, 1, 1, 1, 1, 1, 3])) == []
+    assert scales(recorded("panda", 1.2, lambda tau: tau)) == []
+    assert scales(recorded("panda", 1.0, lambda tau: tau * [1, 1, 1, 1, 1, 1, 3])) == []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What explains efforts better: another sign, joint, time or scale of their columns."""
+"""Faults of columns of efforts: another sign, joint, time or scale explains them better."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_studies.identification.regression.estimation import Prior, Problem, solved
-from arm_studies.identification.regression.friction import COULOMB, COULOMB_SKEW, VISCOUS, JointFit
+from arm_studies.identification.regression.friction import SIMPLE_LAW
 from arm_studies.identification.regression.rows.rows import Rows
 from arm_studies.identification.regression.uncertainty import NORMAL_95
 
-SIMPLE = JointFit((VISCOUS, COULOMB, COULOMB_SKEW))
 # Relative residual that is as unlikely as one standard deviation of the bodies.
 BODY_RESIDUAL = 0.1
 # Relative residual above which a joint's own motion does not explain its efforts, and below which
@@ -23,8 +22,10 @@ BODY_RESIDUAL = 0.1
 UNEXPLAINED, EXPLAINED = 0.2, 0.5
 # Smallest improvement by which another is believed: the ratio of the two residuals.
 IMPROVEMENT = 0.3
-# Largest delay that is looked for in [s], and number of delays that are tried up to it.
-LATEST, SHIFTS = 0.5, 50
+# Largest delay that is looked for in [s], and number of delays that are tried up to it; delays
+# beyond ``BEYOND_GRID`` may be longer.
+LONGEST_DELAY, SHIFTS = 0.5, 50
+BEYOND_GRID = 0.99 * LONGEST_DELAY
 # Fraction of the power of a residual that a delay must cause, and smallest relative residual, for
 # it to be noted as possible: friction of another shape, such as a Stribeck peak, can look like it.
 POSSIBLE_FRACTION, POSSIBLE_RESIDUAL = 0.5, 0.003
@@ -59,22 +60,22 @@ class Delay:
 
     Attributes:
         joint: Joint whose column of efforts it is.
-        late: By how much in [s]; negative if efforts are ahead of the motion.
-        before: Relative residual of the efforts as they are.
-        after: That of efforts without the delay.
+        lag: By how much in [s]; negative if efforts are ahead of the motion.
+        residual: Relative residual of the efforts as they are.
+        remainder: Relative residual of efforts without the delay.
     """
 
     joint: int
-    late: float
-    before: float
-    after: float
+    lag: float
+    residual: float
+    remainder: float
 
     @property
-    def gross(self) -> bool:
+    def is_gross(self) -> bool:
         """Whether the delay is certain and spoils what is identified."""
-        caused = self.before**2 - self.after**2
-        sure = caused > CERTAIN_FRACTION * self.before**2 or abs(self.late) > 0.99 * LATEST
-        return sure and caused > GROSS_RESIDUAL**2
+        power = self.residual**2 - self.remainder**2  # of the residual, that the delay causes
+        is_most = power > CERTAIN_FRACTION * self.residual**2
+        return (is_most or abs(self.lag) > BEYOND_GRID) and power > GROSS_RESIDUAL**2
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class Scale:
     high: float
 
 
-def mismatched(problem: Problem) -> list[ColumnMatch]:
+def swaps(problem: Problem) -> list[ColumnMatch]:
     """Columns of efforts that another sign, or the motion of another joint, explains far better.
 
     Bodies stay near the nominal ones, up to a common positive factor, and friction opposes the
@@ -112,7 +113,7 @@ def mismatched(problem: Problem) -> list[ColumnMatch]:
     return matches
 
 
-def delayed(problem: Problem) -> list[Delay]:
+def delays(problem: Problem) -> list[Delay]:
     """Columns of efforts whose residual a constant delay causes for the most part.
 
     Each column is fitted by its joint's own motion with bodies that are free, at each of a grid of
@@ -120,16 +121,16 @@ def delayed(problem: Problem) -> list[Delay]:
     of the bodies: none of them makes a torque late.
     """
     rows, dt = problem.rows, problem.rows.samples.motions[0].dt
-    step = max(1, round(LATEST / (SHIFTS * dt)))
+    step = max(1, round(LONGEST_DELAY / (SHIFTS * dt)))
     shifts = step * np.arange(-SHIFTS, SHIFTS + 1)
-    shifts = shifts[abs(shifts) * dt < LATEST + 0.5 * step * dt]
-    delays = []
+    shifts = shifts[abs(shifts) * dt < LONGEST_DELAY + 0.5 * step * dt]
+    faults = []
     for j in range(rows.samples.n):
         shifted = [_shifted(rows, j, int(by)) for by in shifts]
         use = problem.use[:, j] & np.all([valid for _, valid in shifted], axis=0)
         if not use.any() or not rows.samples.use[:, j].any():
             continue
-        friction = rows.friction(SIMPLE, j, np.zeros(len(rows.effort)))
+        friction = rows.friction(SIMPLE_LAW, j, np.zeros(len(rows.effort)))
         parts = (rows.rigid[:, j], rows.inertia[:, [j]], friction, rows.known_torques[:, [j]])
         own = np.hstack(parts)
         unexplained = _unexplained(own[use], np.column_stack([y[use] for y, _ in shifted]))
@@ -140,9 +141,9 @@ def delayed(problem: Problem) -> list[Delay]:
             if 0 < at < len(shifts) - 1:
                 a, b, c = unexplained[at - 1 : at + 2]
                 vertex = 0.5 * (a - c) / (a - 2.0 * b + c)
-            late = float(step * dt * (at - len(shifts) // 2 + vertex))
-            delays.append(Delay(j, late, float(np.sqrt(before)), float(np.sqrt(after))))
-    return delays
+            lag = float(step * dt * (at - len(shifts) // 2 + vertex))
+            faults.append(Delay(j, lag, float(np.sqrt(before)), float(np.sqrt(after))))
+    return faults
 
 
 def _shifted(rows: Rows, joint: int, by: int) -> tuple[Array, NDArray[np.bool_]]:
@@ -163,12 +164,12 @@ def _unexplained(columns: Array, y: Array) -> Array:
     return np.asarray(((y - U @ (U.T @ y)) ** 2).sum(axis=0) / power)
 
 
-def scaled(problem: Problem) -> list[Scale]:
+def scales(problem: Problem) -> list[Scale]:
     """Columns of efforts that are many times the torques of bodies near the nominal ones, or few.
 
     Where friction makes most of an effort, its scale is uncertain, and nothing is said.
     """
-    rows, use, scales = problem.rows, problem.use, []
+    rows, use, faults = problem.rows, problem.use, []
     for j in np.flatnonzero(use.any(axis=0)):
         R = _triangle(rows, use[:, j] & rows.samples.valid[:, j], int(j), np.array([j]))
         gain, deviation, _ = _fitted(R[:, :-2], R[:, -2], R[:, -1], problem.prior)
@@ -176,8 +177,8 @@ def scaled(problem: Problem) -> list[Scale]:
             continue
         if abs(np.log(gain)) > max(SCALE_DEVIATIONS * deviation, np.log(SCALE_FACTOR)):
             wide = np.exp(NORMAL_95 * deviation)
-            scales.append(Scale(int(j), 1.0 / gain, 1.0 / gain / wide, wide / gain))
-    return scales
+            faults.append(Scale(int(j), 1.0 / gain, 1.0 / gain / wide, wide / gain))
+    return faults
 
 
 def _residuals(problem: Problem, j: int) -> Array:
@@ -202,7 +203,7 @@ def _residuals(problem: Problem, j: int) -> Array:
 
 def _triangle(rows: Rows, mask: NDArray[np.bool_], j: int, columns: NDArray[np.int_]) -> Array:
     """Triangle of the motion of joint j, of its known torques, and of columns of efforts."""
-    own = rows.friction(SIMPLE, j, np.zeros(len(mask)))[:, ::-1]  # the first may be negative
+    own = rows.friction(SIMPLE_LAW, j, np.zeros(len(mask)))[:, ::-1]  # the first may be negative
     parts = (rows.rigid[:, j], own[:, :1], rows.inertia[:, j : j + 1], own[:, 1:])
     motion = np.column_stack([*parts, rows.known_torques[:, j], rows.effort[:, columns]])[mask]
     return np.asarray(np.linalg.qr(motion, mode="r"))
