@@ -3,7 +3,7 @@
  * Where only lists have all words, it shows pages with any, those with many and rare words first. */
 const PAGES = [
   [/^(start|(how-to|tutorials|concepts)\/(?!index$))/, 4],
-  [/^(generated\/gallery\/.*plot|reference\/(node|ros|scene))/, 2],
+  [/^(generated\/gallery\/.*plot|laboratory|reference\/(node|ros|scene))/, 2],
   [/^(architecture|project|reference\/(commands|messages|python)|.*index$)/, -6],
 ];
 const rank = (page) => (PAGES.find(([pattern]) => pattern.test(page)) || [, 0])[1];
