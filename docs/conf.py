@@ -92,6 +92,8 @@ sphinx_gallery_conf = {
 
 def links_out_of_the_site(app: Sphinx, name: str, source: list[str]) -> None:
     """Lead links to documents at the root, and to scripts of the gallery, to their pages here."""
+    if app.tags.has("one_page"):
+        source[0] = re.sub(r"```\{toctree\}.*?```", "", source[0], flags=re.DOTALL)
     source[0] = re.sub(
         r"\]\((?:\.\./)+(CONTRIBUTING|CHANGELOG)\.md(#[^)]*)?\)",
         lambda found: f"](/project/{found[1].lower()}.md{found[2] or ''})",

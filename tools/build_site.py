@@ -51,7 +51,7 @@ def build(out: Path, gallery: bool, show: bool, page: str | None) -> None:
     if show:  # from disk, browsers let no page read another, as the search does for its excerpts
         handler = partial(SimpleHTTPRequestHandler, directory=out)
         with ThreadingHTTPServer(("localhost", 0), handler) as server:
-            click.echo(f"served as http://localhost:{server.server_port}")
+            click.echo(f"http://localhost:{server.server_port}, until Ctrl-C")
             webbrowser.open(f"http://localhost:{server.server_port}")
             server.serve_forever()
 

@@ -8,7 +8,7 @@ const PAGES = [
 ];
 const rank = (page) => (PAGES.find(([pattern]) => pattern.test(page)) || [, 0])[1];
 var Scorer = {
-  objNameMatch: 8, objPartialMatch: -2, objPrio: { 0: 15, 1: 5, 2: -5 }, objPrioDefault: 0,
+  objNameMatch: 9, objPartialMatch: 0, objPrio: { 0: 15, 1: 3, 2: -5 }, objPrioDefault: 0,
   title: 15, partialTitle: 7, term: 5, partialTerm: 2,
   score: ([page, title, , , score]) => {
     const query = new URLSearchParams(window.location.search).get("q") || "";
