@@ -11,8 +11,11 @@ import re
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from sphinx.application import Sphinx
+from sphinx.config import Config
+from sphinx.writers.text import TextTranslator
 
 sys.path.insert(0, str(Path(__file__).parent))
 project = "Arm dynamics"
@@ -36,6 +39,9 @@ suppress_warnings = [
     "config.cache",  # of the gallery, whose configuration holds classes
     "ref.python",  # attributes of several classes have one name, such as n
 ]
+if tags.has("one_page"):  # noqa: F821  # as text, by ./arm docs --print
+    extensions.remove("sphinx_gallery.gen_gallery")
+    suppress_warnings += ["myst", "ref", "toc"]  # the other pages are not there
 
 myst_enable_extensions = ["colon_fence", "dollarmath", "deflist", "attrs_inline"]
 myst_heading_anchors = 4
@@ -86,6 +92,8 @@ sphinx_gallery_conf = {
 
 def links_out_of_the_site(app: Sphinx, name: str, source: list[str]) -> None:
     """Lead links to documents at the root, and to scripts of the gallery, to their pages here."""
+    if app.tags.has("one_page"):
+        source[0] = re.sub(r"```\{toctree\}.*?```", "", source[0], flags=re.DOTALL)
     source[0] = re.sub(
         r"\]\((?:\.\./)+(CONTRIBUTING|CHANGELOG)\.md(#[^)]*)?\)",
         lambda found: f"](/project/{found[1].lower()}.md{found[2] or ''})",
@@ -104,7 +112,25 @@ def links_out_of_the_site(app: Sphinx, name: str, source: list[str]) -> None:
     )
 
 
+def only_the_root(app: Sphinx, config: Config) -> None:
+    """Read no other page than the one that is printed."""
+    if app.tags.has("one_page"):
+        config.include_patterns = [f"{config.root_doc}.md"]
+
+
+class Text(TextTranslator):
+    """Pages as text, with code between the marks that it has in Markdown."""
+
+    def visit_literal(self, node: Any) -> None:
+        """Begin and end code."""
+        self.add_text("`")
+
+    depart_literal = visit_literal
+
+
 def setup(app: Sphinx) -> None:
     """Called by Sphinx."""
     assert find_spec("arm_sim"), "the site is built by ./arm docs"
     app.connect("source-read", links_out_of_the_site)
+    app.set_translator("text", Text)
+    app.connect("config-inited", only_the_root)
