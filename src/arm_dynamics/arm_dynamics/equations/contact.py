@@ -24,6 +24,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.factorizations import lu
 from arm_dynamics.equations.rigid_body import Placement, placements
 from arm_dynamics.equations.tree import (
     Tree,
@@ -290,10 +291,10 @@ class Delassus:
         K = R @ self.W @ D
         unused = ca.diag(1 - rows)
         damping = ca.diag(DAMPING * self._scale + 1e-30)  # not zero where all contacts are open
-        factors = lu(K + damping @ R + unused)
-        y = lu_solve(factors, required)
+        factors = lu.factorize(K + damping @ R + unused)
+        y = lu.solve(factors, required)
         for _ in range(REFINEMENTS):
-            y = y + lu_solve(factors, required - (K + unused) @ y)
+            y = y + lu.solve(factors, required - (K + unused) @ y)
         return y
 
     def _of_motions(self, required: ca.SX, Y: ca.SX, X: ca.SX) -> ca.SX:
@@ -306,11 +307,11 @@ class Delassus:
         trace = ca.sum1(ca.diag(self.W)) + 1e-200
         root = ca.sqrt(trace / (self._scale + 1e-200))
         X, Y, required = ca.diag(root) @ X, Y @ ca.diag(root), root * required
-        factors = lu(Y @ X + (MOTION_DAMPING * trace + 1e-30) * ca.SX.eye(X.shape[1]))
+        factors = lu.factorize(Y @ X + (MOTION_DAMPING * trace + 1e-30) * ca.SX.eye(X.shape[1]))
         y = ca.SX(required.shape[0], 1)
         for _ in range(1 + REFINEMENTS):
-            motion = lu_solve(factors, Y @ (required - X @ (Y @ y)))
-            y = y + X @ lu_solve(factors, motion)
+            motion = lu.solve(factors, Y @ (required - X @ (Y @ y)))
+            y = y + X @ lu.solve(factors, motion)
         return root * y
 
 
@@ -345,26 +346,3 @@ def grips(points: list[ContactPoint], W: ca.SX, speed: ca.SX, mode: Mode) -> ca.
     D = shares(points, speed, mode)
     own = [W[3 * k, 3 * k : 3 * k + 3] @ D[3 * k : 3 * k + 3, 3 * k] for k in range(len(points))]
     return ca.vertcat(*own)
-
-
-def lu(A: ca.SX) -> ca.SX:
-    """Factors of A = L U in one matrix, without pivoting; L has a unit diagonal."""
-    F = ca.SX(A)
-    for k in range(F.shape[0]):
-        for i in range(k + 1, F.shape[0]):
-            F[i, k] = F[i, k] / F[k, k]
-            F[i, k + 1 :] = F[i, k + 1 :] - F[i, k] * F[k, k + 1 :]
-    return F
-
-
-def lu_solve(F: ca.SX, b: ca.SX) -> ca.SX:
-    """Solve L U x = b for the factors of ``lu``."""
-    x = ca.densify(ca.SX(b))
-    for i in range(F.shape[0]):
-        for j in range(i):
-            x[i] -= F[i, j] * x[j]
-    for i in reversed(range(F.shape[0])):
-        for j in range(i + 1, F.shape[0]):
-            x[i] -= F[i, j] * x[j]
-        x[i] = x[i] / F[i, i]
-    return x

@@ -148,7 +148,7 @@ class _Composite:
 def inverse_derivatives(
     tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Derivatives of ``rigid_body.inverse`` by q, v and a; the last is M.
+    """Derivatives of ``rigid_body.inverse_dynamics`` by q, v and a; the last is M.
 
     Args:
         tree: The robot.

@@ -11,7 +11,7 @@ whose condition number is that of the rows squared, is never formed.
 
 import casadi as ca
 
-from arm_dynamics.equations.rigid_body import eliminated, factored, substituted
+from arm_dynamics.equations.factorizations import ltdl
 
 # Below this fraction of the largest row, the new component of a row is rounding.
 DEPENDENT = 1e-9
@@ -32,17 +32,17 @@ class Metric:
     """
 
     def __init__(self, M: ca.SX) -> None:
-        self._factors = factored(M)
+        self._factors = ltdl.factorize(M)
         self._root = 1 / ca.sqrt(ca.diag(self._factors))
         self.mobility = ca.sumsqr(self._root)
 
     def of_forces(self, forces: ca.SX) -> ca.SX:
         """D^-½ L^-ᵀ f for columns of generalized forces, shape (n, k)."""
-        return ca.sparsify(ca.diag(self._root) @ eliminated(self._factors, forces))
+        return ca.sparsify(ca.diag(self._root) @ ltdl.solve_upper(self._factors, forces))
 
     def motion(self, x: ca.SX) -> ca.SX:
         """Acceleration, velocity or displacement L⁻¹ D^-½ x, shape (n,)."""
-        return substituted(self._factors, self._root * x)
+        return ltdl.solve_lower(self._factors, self._root * x)
 
 
 class Projector:

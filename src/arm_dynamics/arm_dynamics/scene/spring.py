@@ -35,8 +35,9 @@ class JointSpring(Part):
     """A spring and a damper beside a joint, on the side of the link.
 
     Attributes:
-        stiffness: Stiffness in [N m/rad] or [N/m]; required unless there is a ``table``. 0 removes
-            that of ``"*"`` from a joint.
+        stiffness: Stiffness in [N m/rad] or [N/m]; required unless there is a ``table``, which
+            ``model.springs`` checks once ``"*"`` is merged in. 0 removes that of ``"*"`` from a
+            joint.
         table: Torque by deflection, for a spring that is not linear, in place of ``stiffness``.
         rest: Rest position in [rad] or [m].
         damping: Damping in [N m s/rad] or [N s/m].

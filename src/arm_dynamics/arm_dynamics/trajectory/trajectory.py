@@ -112,12 +112,12 @@ class Trajectory:
     def at(self, times: Array) -> Array:
         """Positions, velocities and accelerations at times in [s], shape (3, k, n)."""
         times = real_array("times", times)
-        moves = (times >= 0.0) & (times < self.times[-1])
-        i = np.searchsorted(self.times, times[moves], "right") - 1
-        s = ((times[moves] - self.times[i]) / np.diff(self.times)[i])[:, None, None]
+        is_inside = (times >= 0.0) & (times < self.times[-1])
+        i = np.searchsorted(self.times, times[is_inside], "right") - 1
+        s = ((times[is_inside] - self.times[i]) / np.diff(self.times)[i])[:, None, None]
         motion = np.zeros((len(times), 3, self.ends.shape[1]))
-        motion[moves] = _evaluated(np.moveaxis(self.polynomials[i], 1, 0), s)
-        motion[~moves, 0] = self.ends[(times[~moves] >= self.times[-1]).astype(int)]
+        motion[is_inside] = _evaluate(np.moveaxis(self.polynomials[i], 1, 0), s)
+        motion[~is_inside, 0] = self.ends[(times[~is_inside] >= self.times[-1]).astype(int)]
         return np.moveaxis(motion, 1, 0)
 
     def at_shares(self, shares: Array) -> Array:
@@ -140,7 +140,7 @@ class Trajectory:
         return times, q, v, a
 
 
-def _evaluated(polynomials: Array, s: Array) -> Array:
+def _evaluate(polynomials: Array, s: Array) -> Array:
     """Polynomials of shape (6, …) at s, by Horner's rule.
 
     Every product and every sum is rounded, so every processor gives the same bits, and so does

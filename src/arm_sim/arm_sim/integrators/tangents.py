@@ -179,7 +179,7 @@ def _projected(tangent: Tangent, project: ca.Function, n: int, tuned: Sequence[i
     before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
     projected, of_projection = project(before, after, p)[0], Coefficients()
     by_before, by_after, by_p = (
-        of_projection.matrix(ca.jacobian(projected, by))
+        of_projection.substitute(ca.jacobian(projected, by))
         for by in (before, after, p[list(tuned), :])
     )
     results = [projected, of_projection.values]

@@ -9,7 +9,7 @@ from dataclasses import replace
 from rclpy.node import Node
 
 from arm_dynamics.control import factory
-from arm_dynamics.control.compiled_law import Job, preparation
+from arm_dynamics.control.compiled_law import Preparation, preparation
 from arm_dynamics.control.controller import AnyController
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import NAMES, Settings, make_controller
@@ -185,5 +185,5 @@ class ControllerSelection:
             self._node.get_logger().warning(self.overreach)
 
 
-def _preparation(control: AnyController) -> Job | None:
+def _preparation(control: AnyController) -> Preparation | None:
     return preparation(control.control if isinstance(control, Saturated) else control)

@@ -12,7 +12,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, finite_numbers
-from arm_dynamics.control.controller import Checked, Measured
+from arm_dynamics.control.controller import CheckedState, Measured
 from arm_dynamics.control.filters.derived_velocity import DerivedVelocity
 from arm_dynamics.control.wrappers import Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -199,11 +199,11 @@ class ControllerNode(Node):
         stamp, numbers = read
         q = np.array(numbers[0])
         if self._velocity is None:
-            state = Checked(q, np.array(numbers[1]))
+            state = CheckedState(q, np.array(numbers[1]))
             reference = self._reference(stamp, state)
         else:
-            reference = self._reference(stamp, Checked(q, self._velocity.last))
-            state = Checked(q, self._velocity(stamp, q))
+            reference = self._reference(stamp, CheckedState(q, self._velocity.last))
+            state = CheckedState(q, self._velocity(stamp, q))
         if (tau := self._torque(state, reference)) is None:
             return None
         command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))

@@ -94,15 +94,15 @@ def _beginning(plant: Plant) -> tuple[ca.Function, ca.Function]:
         struck = plant.mechanics.impact_map(qv, p, change, ca.SX(3 * len(plant.points), 1))[0]
         gain = ca.jacobian(struck, change)  # which is linear in it
         held = direction == 0
-        dv = dv - c.matrix(gain @ ca.diag(held)) @ dv
+        dv = dv - c.substitute(gain @ ca.diag(held)) @ dv
         if plant.model.stops.rigid.any():
             back = ca.logic_and(held, _leans(plant, x, u, p))
-            dq = dq - c.matrix(gain @ ca.diag(back)) @ dq
+            dq = dq - c.substitute(gain @ ca.diag(back)) @ dq
     if plant.mechanics.contact:
         closed = ca.sum1(Mode.of(contacts).closed) > 0
         settled = plant.mechanics.contact.closing()(qv, p)[0]
         loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
-        dv = c.matrix(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
+        dv = c.substitute(ca.if_else(closed, settled, loose)) @ ca.vertcat(dq, dv)
     moved = ca.densify(ca.vertcat(dq, dv, dz))
     return (
         ca.Function("rest_begin", [x, u, p], [c.values], {"cse": True}),
@@ -130,9 +130,9 @@ def _end(plant: Plant) -> tuple[ca.Function, ca.Function]:
         by_end, by_anchor = ca.horzsplit(
             contact.closing()(after, p)[1], [0, 2 * n, 2 * n + anchor.shape[0]]
         )
-        danchor = c.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
-        back = c.matrix(by_anchor) @ danchor
-        moved = ca.vertcat(c.matrix(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
+        danchor = c.substitute(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
+        back = c.substitute(by_anchor) @ danchor
+        moved = ca.vertcat(c.substitute(by_end) @ dend[: 2 * n] + back, dend[2 * n :])
     return (
         ca.Function("rest_end", [begin, end, p], [c.values], {"cse": True}),
         ca.Function("end_at_rest", [c.symbols, dbegin, dend], [ca.densify(moved)], {"cse": True}),
