@@ -66,12 +66,12 @@ class Throttled:
             self._log.info(due)
 
     def warning(self, text: str, reason: str | None = None) -> None:
-        """The same as a warning."""
+        """Log as a warning; see ``info``."""
         if due := self._due(text, reason):
             self._log.warning(due)
 
     def error(self, text: str, reason: str | None = None) -> bool:
-        """The same as an error; returns whether it was logged."""
+        """Log as an error, see ``info``; return whether it was logged."""
         if due := self._due(text, reason):
             self._log.error(due)
         return bool(due)

@@ -95,7 +95,7 @@ def test_what_rises_between_points_is_seen() -> None:
 
 
 def test_motions_that_bend_everywhere_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scaling, "_MOST", 50)
+    monkeypatch.setattr(scaling, "_LARGEST_COUNT", 50)
     noise = np.random.default_rng(0)
     with pytest.raises(InvalidInput, match="bends in more than 50 places"):
         refined_shares(lambda t: noise.uniform(0.0, 2.0, (len(t), 1)), np.linspace(0.0, 1.0, 101))

@@ -76,8 +76,7 @@ class Compiled:
 
     def torque(self, state: ArmState, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,); see the controller's own."""
-        call = self._call
-        if call is None or reference is None:
+        if (call := self._call) is None or reference is None:
             return self.law.torque(state, reference)
         q, v = checked(state, self.model.n, reference)
         if (added := added_torques(reference, self.model.n)) is None:
@@ -103,8 +102,7 @@ class Compiled:
 
     @cached_property
     def _call(self) -> Call | None:
-        kernel = self._kernel()
-        if kernel is None:
+        if (kernel := self._kernel()) is None:
             return None
         call = kernel.call(_NAME)
         _, tuning, memory = call.inputs
@@ -154,8 +152,7 @@ def with_code(control: Any, model: ArmModel, *, is_user_defined: bool = False) -
         model: The model of its arm.
         is_user_defined: Whether it is a user's, or a wrapper of one.
     """
-    law = law_of(control)
-    if law is None:
+    if (law := law_of(control)) is None:
         return control
     if is_user_defined:
         return CompiledUserLaw(law, model)

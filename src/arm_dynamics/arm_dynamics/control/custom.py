@@ -173,7 +173,7 @@ class CheckedController(Wrapper):
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
-        """Its formula as an expression; see ``law.Law``.
+        """The controller's formula as an expression; see ``law.Law``.
 
         Raises:
             KernelError: If it does not take expressions, or its results have wrong shapes.

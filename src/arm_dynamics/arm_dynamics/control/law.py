@@ -66,8 +66,8 @@ class Law(Protocol):
             q: Joint positions.
             v: Joint velocities.
             desired: The reference.
-            tuning: As the attribute.
-            memory: Likewise.
+            tuning: The attribute, arrays or expressions.
+            memory: The attribute, likewise.
 
         Returns:
             Expressions. Torques may not be numbers in states that only ``torque`` can treat.

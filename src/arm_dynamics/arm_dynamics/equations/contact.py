@@ -248,7 +248,7 @@ class Delassus:
         B: Accelerations of the joints per force, M⁻¹ Aᵀ, shape (n, m).
 
     Attributes:
-        B: As given.
+        B: Accelerations of the joints per force, as given.
         W: Acceleration of the contacts per force on them, A M⁻¹ Aᵀ, in [1/kg], shape (m, m).
     """
 
@@ -298,7 +298,9 @@ class Delassus:
         return y
 
     def _of_motions(self, required: ca.SX, Y: ca.SX, X: ca.SX) -> ca.SX:
-        """The same by a matrix of the size of M: K = X Y has the inverse X (Y X)⁻² Y in its range.
+        """Unknown forces by a matrix of the size of M.
+
+        In its range, K = X Y has the inverse X (Y X)⁻² Y.
 
         (X Y + ε)⁻¹ X = X (Y X + ε)⁻¹, as multiplying out shows (Henderson and Searle, "On deriving
         the inverse of a sum of matrices", SIAM Review 23, 1981). Rows are scaled such that one ε

@@ -80,7 +80,7 @@ def hybrid(
         tau: Joint torques in [N m] or [N], shape (n,).
         gravity: Gravity in the world frame in [m/s²], shape (3,).
         free: 1 for a joint that torques accelerate, 0 for one with prescribed acceleration.
-        prescribed: Those accelerations, zero for free joints, shape (n,).
+        prescribed: Prescribed accelerations, zero for free joints, shape (n,).
 
     Returns:
         Joint accelerations, and the torques to subtract from ``tau`` where they are prescribed,

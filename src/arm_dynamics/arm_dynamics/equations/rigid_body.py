@@ -46,7 +46,7 @@ def motion(
         tree: The robot.
         pose: Placements of all links.
         v: Velocities of all links' joints in [rad/s] or [m/s].
-        a: Their accelerations.
+        a: Accelerations of all links' joints in [rad/s²] or [m/s²].
         gravity: Gravity in the world frame in [m/s²], shape (3,), counted as an acceleration of
             the ground upwards.
     """

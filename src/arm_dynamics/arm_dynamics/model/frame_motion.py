@@ -21,8 +21,8 @@ class MovingFrame(NamedTuple):
     """A frame at a position and velocity of the joints.
 
     Attributes:
-        position: Of its origin in the world in [m], shape (3,).
-        rotation: From its axes to the world's, shape (3, 3).
+        position: Position of its origin in the world in [m], shape (3,).
+        rotation: Rotation from its axes to the world's, shape (3, 3).
         jacobian: J, shape (6, n).
         jacobian_rate: J̇, shape (6, n).
     """

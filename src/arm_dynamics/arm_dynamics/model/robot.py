@@ -35,7 +35,7 @@ class Robot:
     Attributes:
         scene: The scene that describes it.
         pin: Pinocchio's model with joints locked, payloads attached and gravity set.
-        bare: The same without the payloads.
+        bare: Pinocchio's model as ``pin``, without the payloads.
         whole: Pinocchio's model of the unmodified description: no joint locked, no payload.
         joint_names: Independent joints, in the order of every vector; a tuple that knows others.
         joint_types: ``revolute``, ``continuous`` or ``prismatic`` for each.
@@ -99,7 +99,7 @@ class Robot:
         return other
 
     def __repr__(self) -> str:
-        """Its joints."""
+        """Joints of the robot."""
         joints = f"{counted(self.n, 'joint')}: {known_names(self.joint_names, 8)}"
         locked = f"; locked: {known_names(self.locked, 8)}" if self.locked else ""
         return f"<{type(self).__name__} of {self.pin.name}, {joints}{locked}>"

@@ -36,7 +36,7 @@ class Schema(NamedTuple):
     """The schema of a file.
 
     Attributes:
-        whole: Of the file.
+        whole: Type of the whole file.
         tagged: Parts by the value of their key ``type``.
         hidden: Names in the location of an error that are not keys.
         file: Name of the file.

@@ -225,11 +225,10 @@ def checked_pose(pose: Pose) -> Pose:
     if position.ndim != 1 or rotation.shape != (3, 3):
         shapes = f"{position.shape} and {rotation.shape}"
         raise InvalidInput(f"pose has shapes {shapes}; (3,) and (3, 3) are expected")
-    deviation = abs(rotation @ rotation.T - np.eye(3)).max()
-    if deviation > 1e-6 or np.linalg.det(rotation) < 0.0:
+    defect = abs(rotation @ rotation.T - np.eye(3)).max()
+    if defect > 1e-6 or np.linalg.det(rotation) < 0.0:
         raise InvalidInput(
-            f"pose.rotation = {rotation.tolist()} is not a rotation: R Rᵀ is "
-            f"off by {deviation:.3g}, det R = {np.linalg.det(rotation):.3g}; "
-            "allowed: 1e-6 and a determinant of one"
+            f"pose.rotation = {rotation.tolist()} is not a rotation: R Rᵀ is off by {defect:.3g}, "
+            f"det R = {np.linalg.det(rotation):.3g}; allowed: 1e-6 and a determinant of one"
         )
     return Pose(position, rotation)

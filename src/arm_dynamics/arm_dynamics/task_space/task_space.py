@@ -133,7 +133,7 @@ class TaskSpace:
 
     Attributes:
         model: The arm.
-        frame: As given; likewise ``reference`` and ``threshold``.
+        frame: The frame as given, likewise ``reference`` and ``threshold``.
         axes: Names of the m axes.
         rows: Which of the six axes these are, for rows of a Jacobian.
         linear: Number of linear ones among them, which come first.
@@ -339,7 +339,7 @@ class TaskSpace:
 
 
 def _each(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
-    """As ``arrays.each``, for a result of several parts."""
+    """``arrays.each`` for a function whose result has several parts."""
     parts = answer(*vectors) if vectors[0].ndim == 1 else zip(*map(answer, *vectors), strict=True)
     return tuple(map(np.array, parts))
 

@@ -37,14 +37,14 @@ class Excess:
         joint: Index of the joint.
         quantity: ``position``, ``velocity``, ``acceleration``, ``effort`` or ``voltage``.
         time: Time in [s] from the trajectory's start.
-        extreme: Extreme value that the joint reaches.
+        peak: Extreme value that the joint reaches.
         limit: The limit, with its sign.
     """
 
     joint: int
     quantity: str
     time: float
-    extreme: float
+    peak: float
     limit: float
 
 
@@ -53,7 +53,7 @@ class Bounds:
     """Limits of a trajectory.
 
     Attributes:
-        limits: Of positions, velocities and accelerations.
+        limits: Limits of positions, velocities and accelerations.
         dynamics: The model for its torques and the voltages of its motors, or None to leave them
             unchecked; used from one thread only.
         margin: Fraction by which limits of velocity, acceleration, torque and voltage may be
@@ -92,7 +92,7 @@ class Bounds:
         more = f" and {100.0 * margin:.3g} % more (limit_margin)" if margin else ""
         raise InvalidInput(
             f"joint '{name}' would leave its {first.quantity} limit at {first.time + late:.3f} s "
-            f"and reach {first.extreme:.4g}{unit}; allowed: "
+            f"and reach {first.peak:.4g}{unit}; allowed: "
             f"{first.limit / (1.0 + margin):.4g}{unit}{more}"
         )
 
@@ -126,10 +126,10 @@ class Bounds:
             over = reached > bound + _ROUNDING if high else reached < bound - _ROUNDING
             for joint in np.flatnonzero(over.any(axis=0)):
                 segment = int(np.argmax(over[:, joint]))
-                extreme = float((reached.max(axis=0) if high else reached.min(axis=0))[joint])
+                peak = float((reached.max(axis=0) if high else reached.min(axis=0))[joint])
                 edge = float(bound[joint])
                 time = _crossing(trajectory, segment, int(joint), order, edge, high)
-                yield Excess(int(joint), _QUANTITIES[order], time, extreme, edge)
+                yield Excess(int(joint), _QUANTITIES[order], time, peak, edge)
 
     @cached_property
     def _widened(self) -> Limits:
@@ -162,9 +162,8 @@ class Bounds:
             column = int(np.argmax(over[i]))
             quantity, joint = capacity.columns[column]
             limit = float(capacity.limits[column]) * (1.0 + self.margin)
-            extreme = float(shares[np.argmax(abs(shares[:, column])), column])
-            bound = np.copysign(limit, extreme)
-            yield Excess(joint, quantity, float(times[i]), extreme * limit, bound)
+            peak = float(shares[np.argmax(abs(shares[:, column])), column])
+            yield Excess(joint, quantity, float(times[i]), peak * limit, np.copysign(limit, peak))
 
     @cached_property
     def _capacity(self) -> Capacity | None:

@@ -38,7 +38,7 @@ def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
 def stretched_spline(
     waypoints: Sequence[Waypoint], excess: Callable[[Trajectory], float]
 ) -> Trajectory:
-    """The same trajectory, slowed down by a factor until no limit is exceeded.
+    """The trajectory of ``spline``, slowed down by a factor until no limit is exceeded.
 
     Velocities and accelerations of waypoints are reduced accordingly, except at the first
     one, since it is the arm's current motion.

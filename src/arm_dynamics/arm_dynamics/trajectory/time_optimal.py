@@ -75,7 +75,7 @@ class Profile:
         return float(self.us[i] + 0.5 * (self.rates[i] + rate) * since), float(rate), float(rise)
 
     def slower(self, stretch: float) -> Profile:
-        """The same with all times multiplied by ``stretch``."""
+        """The timing with all times multiplied by ``stretch``."""
         return Profile(self.us, self.rates / stretch, self.times * stretch)
 
 
@@ -158,8 +158,7 @@ class _LimitedPath:
         x *= pace**2
         best: Profile | None = None
         for _ in range(_ROUNDS):
-            faster = self._faster(x)
-            if faster is None:
+            if (faster := self._faster(x)) is None:
                 break
             profile = Profile.of(self._us, np.sqrt(faster)).slower(1.0 / self._pace(faster))
             if best is None or profile.duration < best.duration:

@@ -49,7 +49,7 @@ class Trajectory:
             q: Positions, shape (w, n).
             v: Velocities, NaN in the rows that are open, likewise; first and last are given.
             a: Accelerations, likewise.
-            stretch: As of the trajectory.
+            stretch: The trajectory's, see there.
         """
         h = np.diff(times)
         v, a = knot_derivatives(h, q, v, a)
@@ -133,7 +133,7 @@ class Trajectory:
         return np.asarray(np.moveaxis(self.polynomials, 1, 3) @ powers)
 
     def table(self, shares: Array) -> tuple[Array, Array, Array, Array]:
-        """The same in rows: times, shape (k,), and the three, each of shape (k, n)."""
+        """Times, shape (k,), and positions, velocities and accelerations there, (k, n) each."""
         times = (self.times[:-1, None] + np.diff(self.times)[:, None] * shares).ravel()
         rows = np.moveaxis(self.at_shares(shares), 3, 1)
         q, v, a = np.moveaxis(rows.reshape(len(times), 3, -1), 1, 0)

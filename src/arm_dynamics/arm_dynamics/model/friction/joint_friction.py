@@ -25,7 +25,7 @@ from arm_dynamics.equations.tree import like
 from arm_dynamics.model.friction.table import FrictionTable
 
 # Largest slope of friction over the torque that causes it, relative to the gear's efficiency; each
-# iteration of ``SteadyFriction.demanded`` then halves the error.
+# iteration of ``SteadyFriction.overcome`` then halves the error.
 STEEPEST = 0.5
 # Static friction of an unloaded gear in [N m] or [N], which avoids a division by zero; an arm of
 # 1e-9 kg and 1 mm weighs 1e-11 N m.

@@ -42,7 +42,7 @@ class FrictionSource:
 
     @cached_property
     def table(self) -> FrictionTable | None:
-        """Its friction by speed, if the scene gives that."""
+        """Friction of the joint by speed, if the scene gives that."""
         if (table := self.own.table) is None:
             return None
         place = None if table.position is None else np.array(table.position)

@@ -175,7 +175,7 @@ class ControllerSelection:
     def _warn_of_settings(self) -> None:
         """Warn of gains that so late a loop does not carry, and of friction the scene lacks."""
         settings = self._settings(self.params)
-        if settings.friction and not self._dynamics.steady_friction.present:
+        if settings.friction and not self._dynamics.steady_friction.is_present:
             self._node.get_logger().warning("friction = true: the controller's scene has none")
         maker = self._controllers.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._late.longest)

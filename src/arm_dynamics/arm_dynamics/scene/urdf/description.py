@@ -214,8 +214,7 @@ def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None
 
 def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
     """Refuse inertias that cannot be used; return why others are not physically consistent."""
-    inertial = link.find("inertial")
-    if inertial is None:
+    if (inertial := link.find("inertial")) is None:
         return None
     mass, tensor = inertial.find("mass"), inertial.find("inertia")
     if mass is None or mass.get("value") is None:

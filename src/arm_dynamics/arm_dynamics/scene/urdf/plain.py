@@ -110,8 +110,7 @@ def plain_joint(
 
 def described_range(joint: ElementTree.Element) -> tuple[float, float]:
     """Lower and upper position limit of the copy of a joint; equal ones mean none."""
-    limit = joint.find("limit")
-    if limit is None or joint.get("type") == "continuous":
+    if (limit := joint.find("limit")) is None or joint.get("type") == "continuous":
         return 0.0, 0.0
     return float(limit.get("lower", "0")), float(limit.get("upper", "0"))
 

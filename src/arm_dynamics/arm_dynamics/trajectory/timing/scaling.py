@@ -87,7 +87,7 @@ class Capacity:
         """The arm's limits of speeds, and these of torques and accelerations.
 
         Args:
-            dynamics: As of the capacity.
+            dynamics: The model; used from one thread only.
             limit: Limits of torques, positive, a number or shape (n,); None for the model's.
             acceleration: Limits of accelerations, likewise.
         """
@@ -141,7 +141,7 @@ class Strain:
         if dynamics.model.springs:
             tau = tau + each(self._capacity.rigid.spring, self._q, v)
         friction = dynamics.steady_friction
-        tau = friction.demanded(tau, v, self._sliding if friction.has_dry else v, self._q)
+        tau = friction.overcome(tau, v, self._sliding if friction.has_dry else v, self._q)
         return self._capacity.shares(self._q, v, a, tau)
 
     def pace(
@@ -153,8 +153,8 @@ class Strain:
         Args:
             allowed: Largest share.
             most: Largest factor.
-            x: As of ``shares``, for the timing at a factor of one.
-            y: Likewise.
+            x: (du/dt)², see ``shares``, for the timing at a factor of one.
+            y: d²u/dt², likewise; None for zero.
 
         Raises:
             Unreachable: If gravity, springs and dry friction alone exceed it at any speed, or a
