@@ -47,10 +47,10 @@ DAMPING, REFINEMENTS = 1e-8, 2
 # well: that of a light body does not soften the contacts of a heavy one beside it.
 OWN_DAMPING = 1e-5
 # A row whose mobility is below this fraction of the trace cannot move: it is rounding.
-IMMOBILE = 1e-20
+LEAST_MOBILITY = 1e-20
 # Number of rows above which forces are computed by a matrix of the size of M, if that is smaller,
 # and the multiple used there: forces of eight contacts are a thousand times closer to least norm.
-MANY_ROWS, MOTION_DAMPING = 9, 1e-10
+ROW_LIMIT, MOTION_DAMPING = 9, 1e-10
 # Tangential speed in [m/s] below which a contact is at rest: its direction is rounding.
 AT_REST = 1e-9
 
@@ -253,7 +253,7 @@ class Delassus:
     """
 
     def __init__(self, A: ca.SX, B: ca.SX) -> None:
-        self._many = A.shape[0] > max(MANY_ROWS, A.shape[1])
+        self._many = A.shape[0] > max(ROW_LIMIT, A.shape[1])
         self._A, self.B, self.W = A, B, symmetric(A @ B) if self._many else A @ B
         self._scale = _scales(ca.sparsify(self.W))
 
@@ -326,8 +326,8 @@ def _scales(W: ca.SX) -> ca.SX:
     mobility = ca.densify(ca.diag(W))
     total = ca.sum1(mobility)
     trace = ca.SX(_coupled(W)) @ mobility
-    trace = ca.if_else(trace > IMMOBILE * total, trace, total)
-    own = ca.if_else(mobility > IMMOBILE * total, mobility, trace)
+    trace = ca.if_else(trace > LEAST_MOBILITY * total, trace, total)
+    own = ca.if_else(mobility > LEAST_MOBILITY * total, mobility, trace)
     return ca.fmin(trace, OWN_DAMPING / DAMPING * own)
 
 

@@ -16,7 +16,7 @@ from arm_dynamics.equations.factorizations import ltdl
 # Below this fraction of the largest row, the new component of a row is rounding.
 DEPENDENT = 1e-9
 # Entries of A below this, in m or 1, are rounding.
-NOTHING = 1e-13
+ROUNDING = 1e-13
 # Below this fraction the robot passes a singular position, where rounding rotates the directions
 # of possible motion: there, a row's effect on accelerations fades out, and velocities are kept.
 SINGULAR = 1e-5
@@ -61,7 +61,7 @@ class Projector:
         largest = ca.SX(0)
         for size in sizes:
             largest = ca.fmax(largest, size)
-        self._least = least**2 * largest + NOTHING**2 * metric.mobility + _TINY
+        self._least = least**2 * largest + ROUNDING**2 * metric.mobility + _TINY
         self._singular = SINGULAR**2 * largest + _TINY
         self._overlap: list[list[ca.SX]] = []
         self._sizes: list[ca.SX] = []
@@ -85,12 +85,12 @@ class Projector:
 
         The multiplier of a dependent row is zero.
         """
-        nearest, reached, shares = x, list[ca.SX](), list[ca.SX]()
+        nearest, components, shares = x, list[ca.SX](), list[ca.SX]()
         for k in range(b.shape[0]):
             y, w = self._rows[k], b[k]
             for j, r in enumerate(self._overlap[k]):
-                w = w - r * reached[j]
-            reached.append(self._gains[k] * self._sizes[k] * w)
+                w = w - r * components[j]
+            components.append(self._gains[k] * self._sizes[k] * w)
             shares.append(self._gains[k] * w - self._bars[k] * ca.dot(y, nearest))
             nearest = nearest + y * shares[k]
         for k in reversed(range(len(shares))):

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.arrays import Array, finite_numbers
+from arm_dynamics.arrays import Array, are_finite
 from arm_dynamics.control.controller import CheckedState, Measured
 from arm_dynamics.control.filters.derived_velocity import DerivedVelocity
 from arm_dynamics.control.wrappers import Saturated
@@ -239,7 +239,7 @@ class ControllerNode(Node):
             self._throttled.error(self._log.failure)
             self.action.abort("Current goal cancelled, the controller failed.")
             return None
-        if not finite_numbers(tau.tolist()):
+        if not are_finite(tau.tolist()):
             self.control.restart()
             self._throttled.warning(f"no command, the torque would not be finite: {tau}")
             return None
