@@ -10,7 +10,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import (
     all_finite,
     any_beyond,
-    finite_numbers,
+    are_finite,
     numbers,
     positive,
     positive_limits,
@@ -35,7 +35,7 @@ def test_one_number_that_is_not_finite_is_found_wherever_it_stands(bad: float, s
 
 
 def test_large_numbers_are_finite_even_where_their_sum_is_not() -> None:
-    assert finite_numbers([1e308, 1e308]) and not finite_numbers([INF, -INF])
+    assert are_finite([1e308, 1e308]) and not are_finite([INF, -INF])
 
 
 def test_beyond_a_limit_counts_on_both_sides_and_not_at_it() -> None:

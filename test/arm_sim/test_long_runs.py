@@ -126,12 +126,12 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_memory_of_a_container_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    limit = tmp_path / "memory.max"
-    monkeypatch.setattr(memory, "_CONTAINER_LIMITS", (limit,))
-    limit.write_text("max\n")
+    monkeypatch.setattr(memory, "_GROUPS", tmp_path)
+    for name, text in {"current": "7e5", "stat": "a 1\ninactive_file 2e5", "max": "max"}.items():
+        (tmp_path / f"memory.{name}").write_text(text)
     assert 1e6 < memory._available() < float("inf")
-    limit.write_text("1000000\n")
-    assert memory._available() == 1e6
+    (tmp_path / "memory.max").write_text("1000000\n")
+    assert memory._available() == 5e5
 
 
 def in_a_loop(folder: Path) -> tuple[Any, Any]:

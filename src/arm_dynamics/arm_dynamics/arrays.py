@@ -14,7 +14,8 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 # Numbers of any shape
 Array = NDArray[np.float64]
 
-_FEW = 64  # largest size for which a list is faster than an array
+_LIST_SIZE = 64  # largest size for which a list is faster than an array
+_SHORTEST = 1e-12  # length below which a vector has no direction
 
 
 def read_only(values: ArrayLike) -> Array:
@@ -83,11 +84,11 @@ def _finite_vectors(name: str, value: ArrayLike, joints: Joints, *, batch: bool)
 
 def all_finite(array: Array) -> bool:
     """Whether all numbers are finite; three times as fast as NumPy for small arrays."""
-    many = array.size > _FEW
-    return bool(np.isfinite(array).all()) if many else finite_numbers(array.ravel().tolist())
+    is_long = array.size > _LIST_SIZE
+    return bool(np.isfinite(array).all()) if is_long else are_finite(array.ravel().tolist())
 
 
-def finite_numbers(numbers: Collection[float]) -> bool:
+def are_finite(numbers: Collection[float]) -> bool:
     """Whether all numbers of a short list are finite."""
     # A sum that overflows is checked number by number.
     return math.isfinite(sum(numbers)) or all(map(math.isfinite, numbers))
@@ -113,22 +114,22 @@ def real_array(name: str, value: ArrayLike) -> Array:
         array = np.asarray(value)
     except ValueError:
         array = np.asarray(None)
-    if array.dtype.kind not in "fiu" or _holds_truth(value):
+    if array.dtype.kind not in "fiu" or _contains_boolean(value):
         raise InvalidInput(f"{name} = {value!r}: real numbers are expected")
     return np.asarray(array, dtype=float)
 
 
-def _holds_truth(value: object) -> bool:
+def _contains_boolean(value: object) -> bool:
     """Whether a Boolean is among numbers, which NumPy would convert to 0 or 1."""
     if isinstance(value, list | tuple):
-        return any(map(_holds_truth, value))
+        return any(map(_contains_boolean, value))
     return isinstance(value, bool | np.bool_)
 
 
 def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
     """A nonzero vector, normalized to unit length, shape (n,)."""
     u = vector(name, value, n)
-    if math.hypot(*u) < 1e-12:
+    if math.hypot(*u) < _SHORTEST:
         raise InvalidInput(f"{name} = {u}; a nonzero vector is expected")
     return unit(u)
 

@@ -33,9 +33,9 @@ def sealed[C](cls: type[C]) -> type[C]:
     Subclasses are not sealed, unless they are decorated, too.
     """
     target: Any = cls
-    target.__getattr__, target.__init__ = _lacking, with_arguments(target.__init__)
+    target.__getattr__, target.__init__ = _missing, with_arguments(target.__init__)
     if is_dataclass(cls):
-        target.__setattr__ = _refuse
+        target.__setattr__ = _refuse_frozen
         return cls
     init = target.__init__
 
@@ -45,7 +45,7 @@ def sealed[C](cls: type[C]) -> type[C]:
         if type(self) is cls:
             object.__setattr__(self, "_sealed", True)
 
-    target.__init__, target.__setattr__ = initialize, _refuse_once_sealed
+    target.__init__, target.__setattr__ = initialize, _refuse_sealed
     target._sealed, target._parts = False, getattr(cls, "_parts", ())
     return cls
 
@@ -97,7 +97,7 @@ def with_arguments[**P, R](method: Callable[P, R]) -> Callable[P, R]:
         except TypeError as error:
             check_arguments(args[0], method, kwargs)
             if (text := str(error)).startswith(method.__qualname__):
-                error.args = (text.replace(method.__qualname__, _called(args[0], method), 1),)
+                error.args = (text.replace(method.__qualname__, _qualname(args[0], method), 1),)
             raise
 
     return call
@@ -109,18 +109,18 @@ def check_arguments(owner: object, method: Callable[..., Any], keywords: Iterabl
     takes_any = any(x.kind is x.VAR_KEYWORD for x in parameters)
     names = [] if takes_any else [x.name for x in parameters if x.kind is not x.VAR_POSITIONAL]
     for name in set(keywords) - set(names) if names else ():
-        called = _called(owner, method).removesuffix(".__init__")
+        called = _qualname(owner, method).removesuffix(".__init__")
         near = did_you_mean(name, names) or _hint(owner, name)
         near = near or f"; allowed: {known_names(names)}"
         raise UnknownArgument(f"{called} has no argument '{name}'{near}") from None
 
 
-def _called(owner: object, method: Callable[..., Any]) -> str:
+def _qualname(owner: object, method: Callable[..., Any]) -> str:
     return f"{type(owner).__name__}.{method.__name__}"
 
 
-def _lacking(self: Any, name: str) -> Any:
-    """The error of an attribute that is missing, as ``__getattr__``."""
+def _missing(self: Any, name: str) -> Any:
+    """``__getattr__``: the error of an attribute that is missing, with what may be meant."""
     cls, near = type(self), ""
     if name[0] != "_" and not hasattr(cls, name):  # else it is Python's error, or a property's
         others = {x: "" for x in ELSEWHERE if x.startswith("arm_")}
@@ -136,7 +136,8 @@ def _lacking(self: Any, name: str) -> Any:
     raise AttributeError(f"{cls.__name__} has no attribute '{name}'{near}", obj=self)
 
 
-def _refuse_once_sealed(self: Any, name: str, value: object) -> None:
+def _refuse_sealed(self: Any, name: str, value: object) -> None:
+    """``__setattr__`` of other sealed classes: it refuses what their constructor has set."""
     cls = type(self)
     if name[0] != "_" and self._sealed:
         if isinstance(attribute := getattr(cls, name, None), property):
@@ -149,8 +150,8 @@ def _refuse_once_sealed(self: Any, name: str, value: object) -> None:
     object.__setattr__(self, name, value)
 
 
-def _refuse(self: Any, name: str, value: object) -> None:
-    """Of frozen dataclasses; a class that extends one may have further attributes."""
+def _refuse_frozen(self: Any, name: str, value: object) -> None:
+    """``__setattr__`` of frozen dataclasses; a class that extends one may add attributes."""
     names = [item.name for item in fields(self)]
     if "__setattr__" in vars(type(self)) or name in names:
         instead = f"dataclasses.replace changes a copy: {known_names(names, 8)}"

@@ -21,7 +21,7 @@ GIGA = 1_000_000_000
 NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
 TIME = struct.Struct("=iI")  # a Time in native byte order
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
-_LONGEST = 1000  # longest name in bytes
+_NAME_LIMIT = 1000  # [B], longest name
 
 
 def time_bytes(nanoseconds: int) -> bytes:
@@ -70,11 +70,11 @@ class CdrReader:
         """Read a length."""
         return int(self._count.unpack_from(self._raw, self.skip(COUNT, COUNT))[0])
 
-    def count_of(self, noun: str, most: int) -> int:
-        """Read a length that must not exceed ``most``."""
+    def count_of(self, noun: str, limit: int) -> int:
+        """Read a length that must not exceed ``limit``."""
         count = self.count()
-        if count > most:
-            raise InvalidInput(f"{count} {noun}; allowed: up to {most}")
+        if count > limit:
+            raise InvalidInput(f"{count} {noun}; allowed: up to {limit}")
         return count
 
     def byte(self) -> int:
@@ -88,7 +88,7 @@ class CdrReader:
 
     def text(self) -> str:
         """Read a name of limited length, up to its first zero."""
-        size = self.count_of("bytes of a name", _LONGEST)
+        size = self.count_of("bytes of a name", _NAME_LIMIT)
         start = self.skip(size, 1)
         return self._raw[start : start + size].partition(b"\0")[0].decode(errors="replace")
 
@@ -101,9 +101,9 @@ class CdrReader:
         start = self.skip(8 * size, 8 if size else 1)
         return np.frombuffer(self._raw, self._double, size, start)
 
-    def texts(self, most: int = 10_000) -> list[str]:
+    def texts(self, limit: int = 10_000) -> list[str]:
         """Read a sequence of names."""
-        return [self.text() for _ in range(self.count_of("names", most))]
+        return [self.text() for _ in range(self.count_of("names", limit))]
 
 
 class CdrWriter:

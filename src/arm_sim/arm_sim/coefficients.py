@@ -14,10 +14,10 @@ class Coefficients:
         self._values: list[ca.SX] = []
         self._symbols: list[ca.SX] = []
 
-    def matrix(self, expression: ca.SX) -> ca.SX:
-        """A matrix with the same zeros and constants, and symbols for all other entries."""
+    def substitute(self, expression: ca.SX) -> ca.SX:
+        """Register the entries of a matrix; return it with symbols for all but its constants."""
         expression = ca.sparsify(expression)
-        entries = [self._entry(entry) for entry in expression.nonzeros()]
+        entries = [self._register(entry) for entry in expression.nonzeros()]
         return ca.SX(expression.sparsity(), ca.vertcat(*entries)) if entries else expression
 
     @property
@@ -30,7 +30,8 @@ class Coefficients:
         """The symbols, in the same order."""
         return ca.vertcat(ca.SX(0, 1), *self._symbols)
 
-    def _entry(self, value: ca.SX) -> ca.SX:
+    def _register(self, value: ca.SX) -> ca.SX:
+        """The symbol of a value from now on; the value itself if it is a constant."""
         if ca.SX(value).is_constant():
             return value
         self._values.append(value)

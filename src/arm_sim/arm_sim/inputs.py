@@ -11,8 +11,8 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import (
     Array,
     Joints,
+    are_finite,
     count,
-    finite_numbers,
     real_array,
     real_number,
     vector,
@@ -35,7 +35,7 @@ def check_torque(tau: Any, joints: Joints) -> list[float]:
         text = f"tau has shape {command.shape}; expected ({n},)"
         raise InvalidInput(text + without_number(joints, command))
     numbers: list[float] = command.tolist()
-    if not finite_numbers(numbers):
+    if not are_finite(numbers):
         vector("tau", command, joints)  # which raises the error
     return numbers
 

@@ -154,11 +154,11 @@ def outer(backend: str = "native") -> Kernel:
 
 def test_a_kernel_is_recalled_without_its_expressions(cache: Path) -> None:
     outer("vm").keep("outer of two")
-    assert Kernel.recalled("outer of two") is None
+    assert Kernel.recall("outer of two") is None
     made = outer()
     made.keep("outer of two")
-    assert Kernel.recalled("outer of three") is None
-    found = Kernel.recalled("outer of two")
+    assert Kernel.recall("outer of three") is None
+    found = Kernel.recall("outer of two")
     assert found is not None and found.native
     assert found.backend == made.backend
     assert found.operations("outer") == made.operations("outer")
@@ -173,10 +173,10 @@ def test_what_is_gone_or_damaged_is_built_again(cache: Path) -> None:
         ("so", Path.unlink),
     ):
         outer().keep("outer of two")
-        assert Kernel.recalled("outer of two") is not None
+        assert Kernel.recall("outer of two") is not None
         for path in cache.glob(f"*.{suffix}"):
             damage(path)
-        assert Kernel.recalled("outer of two") is None
+        assert Kernel.recall("outer of two") is None
 
 
 US = 1000  # a user who is not root, whoever runs the tests

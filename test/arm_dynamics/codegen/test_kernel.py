@@ -56,7 +56,7 @@ def test_random_trees(joints: int, regroup: bool, rng: np.random.Generator) -> N
     model, oracle = ArmModel(scene), Oracle(scene)
     q, v, x = (ca.SX.sym(name, model.n) for name in "qvx")
     tree, g = tree_of(model, regroup=regroup), ca.SX(ca.DM(list(scene.gravity)))
-    laws = [rigid_body.inverse(tree, q, v, x, g), rigid_body.mass_matrix(tree, q),
+    laws = [rigid_body.inverse_dynamics(tree, q, v, x, g), rigid_body.mass_matrix(tree, q),
             rigid_body.gravity_torque(tree, q, g), rigid_body.forward_dense(tree, q, v, x, g),
             articulated_bodies(tree, q, v, x, g)]  # fmt: skip
     function = ca.Function("laws", [q, v, x], laws)

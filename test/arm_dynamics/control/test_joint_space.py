@@ -176,8 +176,8 @@ def test_torques_beyond_a_limit_are_cut_to_it_on_both_sides(asked: float) -> Non
     tau = control.torque(Measured(np.zeros(2), np.zeros(2)), at_rest([0.1 * asked, 0.0]))
     assert_close(tau, [np.sign(asked) * min(abs(asked), 5.0), 0.0], ALGEBRA)
     assert control.saturated.tolist() == [abs(asked) > 5.0, False]
-    control.asked[:] = 99.0  # the caller's own
-    assert_close(control.asked, [asked, 0.0], ALGEBRA)
+    control.unlimited_torque[:] = 99.0  # the caller's own
+    assert_close(control.unlimited_torque, [asked, 0.0], ALGEBRA)
 
 
 def test_compiled_code_has_the_narrowest_of_nested_limits() -> None:

@@ -44,7 +44,7 @@ def test_are_those_of_the_equation(name: str, rng: np.random.Generator) -> None:
     """Followers, slides and axes along coordinates included."""
     model = ArmModel(models.scene(name))
     q, v, a = (ca.SX.sym(letter, model.n) for letter in "qva")
-    tau = rigid_body.inverse(tree_of(model), q, v, a, gravity_of(model))
+    tau = rigid_body.inverse_dynamics(tree_of(model), q, v, a, gravity_of(model))
     expected = ca.Function("expected", [q, v, a], [ca.jacobian(tau, x) for x in (q, v, a)])
     state = rng.uniform(-1.0, 1.0, (3, model.n))
     for ours, theirs in zip(derivatives(model)(*state), expected(*state), strict=True):

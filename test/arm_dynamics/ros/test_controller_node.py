@@ -297,7 +297,7 @@ def test_a_jump_ends_what_is_being_planned(ros: Ros) -> None:
 
     def plan(outset: Outset) -> Motion:
         ready.wait(20.0)
-        return hold(outset.here.q + 0.1)
+        return hold(outset.reference.q + 0.1)
 
     node.goals.follow(Goal("goal", "a step", None, plan))
     assert node.goals.outcome == "planning goal: a step"

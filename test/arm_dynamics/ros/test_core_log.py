@@ -9,7 +9,7 @@ from harness import Ros
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 
-from arm_dynamics.logs import MOST, PERIOD, Throttled, heard_by
+from arm_dynamics.logs import MOST_REASONS, PERIOD, Throttled, heard_by
 from arm_dynamics.ros.common.executable import NodeHandler
 
 pytestmark = pytest.mark.ros
@@ -66,7 +66,7 @@ def test_a_flood_of_reasons_is_limited_and_does_not_last() -> None:
     log = Steady()
     for k in range(100):
         log.throttled.warning(f"unknown joint 'x{k}'")
-    assert log.told() == MOST
+    assert log.told() == MOST_REASONS
     log.now += PERIOD
     log.throttled.warning("unknown joint 'x7'")
     assert log.told() == 1

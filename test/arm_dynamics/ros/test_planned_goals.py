@@ -200,7 +200,7 @@ def test_a_goal_that_is_never_planned_in_time_is_refused(node: ControllerNode) -
 
     def plan(outset: Outset) -> Motion:
         begins.append(outset.begin)
-        return hold(outset.here.q)
+        return hold(outset.reference.q)
 
     node.goals.follow(Goal("goal", "a stop", None, plan, ended.append))
     end = time.monotonic() + 20.0

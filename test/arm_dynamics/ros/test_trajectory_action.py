@@ -311,7 +311,7 @@ def test_a_goal_that_is_given_up_while_it_is_planned_is_refused(
 
     def plan(_: Any, __: Any, outset: Any) -> Motion:
         go.wait(20.0)
-        return hold(outset.here.q)
+        return hold(outset.reference.q)
 
     monkeypatch.setattr(node.action, "_plan", plan)
     first = client.begin(goal(trajectory(*[point(0.1 * k, *HERE) for k in range(1, 20)])))

@@ -10,7 +10,7 @@ import pytest
 import models
 from arm_dynamics import ArmModel, ModelError, SceneError, load_scene
 from arm_dynamics.exceptions import did_you_mean
-from arm_dynamics.scene.lines import line_of, parsed
+from arm_dynamics.scene.lines import line_of, parse
 
 URDF = str(models.FOLDER / "planar_3r.urdf")
 
@@ -110,7 +110,7 @@ def test_a_key_twice_in_an_item_of_a_list_is_named_with_its_place(tmp_path: Path
 
 def test_several_mappings_may_be_merged_into_one() -> None:
     text = "a: &a {x: 1}\nb: &b {y: 2}\nc:\n  <<: *a\n  <<: *b\n  z: 3\n"
-    assert parsed(text)["c"] == {"x": 1, "y": 2, "z": 3}
+    assert parse(text)["c"] == {"x": 1, "y": 2, "z": 3}
 
 
 def test_locking_everything() -> None:

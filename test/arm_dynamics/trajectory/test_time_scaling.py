@@ -9,7 +9,7 @@ import pytest
 import models
 from arm_dynamics import Dynamics, InvalidInput, Unreachable
 from arm_dynamics.trajectory.timing import scaling
-from arm_dynamics.trajectory.timing.scaling import BETWEEN, Capacity, Strain, closely
+from arm_dynamics.trajectory.timing.scaling import OVERSHOOT, Capacity, Strain, refined_shares
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
@@ -87,18 +87,18 @@ def test_what_rises_between_points_is_seen() -> None:
     top = 0.03125 * 1.1
 
     def bump(t: np.ndarray) -> np.ndarray:
-        return 2.0 * (t[:, None] - top) ** 2 - (1.0 + 2.0 * BETWEEN)
+        return 2.0 * (t[:, None] - top) ** 2 - (1.0 + 2.0 * OVERSHOOT)
 
-    times, shares = closely(bump, np.linspace(0.0, 1.0, 9))
-    assert 1.0 + BETWEEN < abs(shares).max() <= 1.0 + 2.0 * BETWEEN
+    times, shares = refined_shares(bump, np.linspace(0.0, 1.0, 9))
+    assert 1.0 + OVERSHOOT < abs(shares).max() <= 1.0 + 2.0 * OVERSHOOT
     assert np.all(np.diff(times) >= 0.0) and shares.shape == (*times.shape, 1)
 
 
 def test_motions_that_bend_everywhere_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scaling, "_MOST", 50)
+    monkeypatch.setattr(scaling, "_LARGEST_COUNT", 50)
     noise = np.random.default_rng(0)
     with pytest.raises(InvalidInput, match="bends in more than 50 places"):
-        closely(lambda t: noise.uniform(0.0, 2.0, (len(t), 1)), np.linspace(0.0, 1.0, 101))
+        refined_shares(lambda t: noise.uniform(0.0, 2.0, (len(t), 1)), np.linspace(0.0, 1.0, 101))
 
 
 def test_a_limit_of_zero_leaves_only_joints_that_rest() -> None:

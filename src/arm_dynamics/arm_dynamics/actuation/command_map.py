@@ -38,13 +38,13 @@ class CommandMap:
         self._poles = [(i, d.motor) for i, d in enumerate(drives) if d and d.motor.cogging]
         scaled = bool((self._gain != 1.0).any())
         self._weight = _weight(model) if gravity_compensated(model.scene) else None
-        self._idle = not (scaled or self._back_emf.any() or self._poles or self._weight)
-        soft = [drive if drive and drive.coupling else None for drive in drives]
-        self.rotor_inertia: Array = np.array([d.rotor_inertia if d else 0.0 for d in soft])
+        self._is_identity = not (scaled or self._back_emf.any() or self._poles or self._weight)
+        flexible = [drive if drive and drive.coupling else None for drive in drives]
+        self.rotor_inertia: Array = np.array([d.rotor_inertia if d else 0.0 for d in flexible])
         """Inertia of rotors on flexible transmissions, not included in M, at the joint, shape
         (n,)."""
-        self.rotor_damping: Array = np.array([d.rotor_damping if d else 0.0 for d in soft])
-        """Damping of the same rotors, not included in F."""
+        self.rotor_damping: Array = np.array([d.rotor_damping if d else 0.0 for d in flexible])
+        """Damping of rotors on flexible transmissions, not included in F, at the joint."""
 
     def __call__(self, q: Quantity, v: Quantity, tau: Quantity) -> Quantity:
         """Commands for torques.
@@ -57,14 +57,14 @@ class CommandMap:
         Returns:
             Commands in the units of ``ArmModel.command_unit``, of the same shape.
         """
-        if self._idle:
+        if self._is_identity:
             return tau
-        symbolic = isinstance(tau, ca.SX)
-        required = self._uncogged(q, tau)
+        is_symbolic = isinstance(tau, ca.SX)
+        required = self._without_cogging(q, tau)
         if self._weight is not None:
-            carried = self._weight(q if symbolic else np.asarray(q).T)
-            required -= carried if symbolic else np.array(carried).T.reshape(required.shape)
-        like = ca.DM if symbolic else np.asarray
+            weight = self._weight(q if is_symbolic else np.asarray(q).T)
+            required -= weight if is_symbolic else np.array(weight).T.reshape(required.shape)
+        like = ca.DM if is_symbolic else np.asarray
         return like(self._gain) * required + like(self._back_emf) * v
 
     def of_motors(self, q: Array, v: Array, a: Array, tau: Array) -> Array:
@@ -80,15 +80,15 @@ class CommandMap:
             tau: Joint torques in [N m] or [N], likewise.
         """
         rotors = self.rotor_inertia * a + self.rotor_damping * v
-        return np.asarray(self._uncogged(q, tau + rotors))
+        return np.asarray(self._without_cogging(q, tau + rotors))
 
-    def _uncogged(self, q: Quantity, tau: Quantity) -> Quantity:
+    def _without_cogging(self, q: Quantity, tau: Quantity) -> Quantity:
         """Torques less those of cogging; a copy."""
-        symbolic = isinstance(tau, ca.SX)
-        required = ca.SX(tau) if symbolic else np.array(tau, dtype=float)
+        is_symbolic = isinstance(tau, ca.SX)
+        required = ca.SX(tau) if is_symbolic else np.array(tau, dtype=float)
         for joint, m in self._poles:
             assert m.cogging is not None
-            i = joint if symbolic else (..., joint)
+            i = joint if is_symbolic else (..., joint)
             required[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], m.cogging)
         return required
 
@@ -99,7 +99,7 @@ class CommandMap:
         They are empty if every command is the torque itself, and None if commands also depend on
         positions.
         """
-        if self._idle:
+        if self._is_identity:
             return ()
         by_position = self._poles or self._weight is not None
         return None if by_position else (self._gain, self._back_emf)
@@ -114,7 +114,7 @@ def gravity_compensated(scene: Scene) -> bool:
     return scene.commands is not None and scene.commands.gravity_compensated
 
 
-def compensating(scene: Scene) -> Scene:
+def with_compensation(scene: Scene) -> Scene:
     """Copy of the scene with ``gravity_compensated`` commands."""
     if gravity_compensated(scene):
         return scene
@@ -126,12 +126,12 @@ def compensating(scene: Scene) -> Scene:
 def _weight(model: ArmModel) -> ca.Function:
     """Torques that balance gravity and springs, (q) -> shape (n,)."""
     q = ca.SX.sym("q", model.n)
-    carried = RigidExpressions(model).standing(q)
-    return ca.Function("weight", [q], [ca.densify(carried)], {"cse": True})
+    weight = RigidExpressions(model).standing(q)
+    return ca.Function("weight", [q], [ca.densify(weight)], {"cse": True})
 
 
 def rigid_twin(scene: Scene) -> Scene:
-    """The same arm with rigid transmissions: the model of a controller that measures only joints.
+    """Copy of a scene with rigid transmissions, for a controller that measures only joints.
 
     Its M includes the rotors. A scene without transmissions is returned unchanged.
     """

@@ -35,7 +35,7 @@ def states_of(drive: JointDrive, joint: int, name: str, turning: bool) -> list[I
     return [InternalState(joint, kind, f"{name} {title}", scale) for kind, title, scale in states]
 
 
-def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
+def rest_states(drive: JointDrive, q: float, v: float) -> list[float]:
     """States of a drive with zero current and twist at a joint's position and velocity."""
     states = [0.0] if drive.has_current else []
     if drive.coupling is None:
@@ -44,23 +44,23 @@ def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
     if error:  # the motor position θ with θ + e(θ) = q, unique between q - A and q + A
         low, high = q - error.amplitude, q + error.amplitude
         while low < (position := 0.5 * (low + high)) < high:
-            ahead = position + transmission.kinematic_error(ratio * position, error) > q
-            low, high = (low, position) if ahead else (position, high)
+            is_ahead = position + transmission.kinematic_error(ratio * position, error) > q
+            low, high = (low, position) if is_ahead else (position, high)
     states += [position, v / (1.0 + _error_slope(error, ratio, position))]
     return [*states, 0.0] if drive.coupling.hysteresis else states
 
 
-def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+def drive_flow(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
     """Equations of a drive, as ``Flow`` of its one joint at q and v, under the command u.
 
     Its states z are in the order of ``states_of``.
     """
     if drive.coupling is None:
-        return _electric(drive, q, v, z, u)
+        return _motor_flow(drive, q, v, z, u)
     first, ratio = int(drive.has_current), drive.motor.gear_ratio
     position, velocity = z[first], z[first + 1]
-    source = _electric(drive, position, velocity, z, u)
-    link = _coupling(drive.coupling, ratio, q, v, z[first:])
+    source = _motor_flow(drive, position, velocity, z, u)
+    link = _transmission_flow(drive.coupling, ratio, q, v, z[first:])
     error_slope = _error_slope(drive.coupling.kinematic_error, ratio, position)
     damping = drive.rotor_damping * velocity
     push = source.torque - damping - link.torque * (1.0 + error_slope)
@@ -73,13 +73,13 @@ def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
     )
 
 
-def _electric(drive: JointDrive, position: ca.SX, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+def _motor_flow(drive: JointDrive, position: ca.SX, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
     """The motor: torque of current and cogging on the rotor, reflected to the joint."""
     m = drive.motor
     if m.command == "torque" and m.torque_constant is None:
         flow = Flow(u, _NO_STATE, supplied=u * velocity)
     else:
-        flow = _winding(drive, velocity, z, u)
+        flow = _winding_flow(drive, velocity, z, u)
     if m.cogging is None:
         return flow
     rotor = m.gear_ratio * position
@@ -88,7 +88,7 @@ def _electric(drive: JointDrive, position: ca.SX, velocity: ca.SX, z: ca.SX, u: 
     return replace(flow, torque=flow.torque + poles, stored=flow.stored + energy)
 
 
-def _winding(drive: JointDrive, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+def _winding_flow(drive: JointDrive, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
     """The torque of the current, which is a state if a voltage acts through an inductance."""
     m, constant = drive.motor, drive.torque_constant
     emf, R = motor.back_emf(velocity, drive.back_emf_constant), m.resistance or 0.0
@@ -97,7 +97,7 @@ def _winding(drive: JointDrive, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         voltage = motor.limited_voltage(u, current, emf, limit, R) if limit else u
         slope, stored = motor.current_slope(voltage, current, emf, L, R), 0.5 * L * current**2
     else:
-        current, slope, stored = _current(drive, u, emf, R), _NO_STATE, ca.SX(0.0)
+        current, slope, stored = _ideal_current(drive, u, emf, R), _NO_STATE, ca.SX(0.0)
         voltage = R * current + emf
     unlimited = m.command == "torque" and not (m.current_limit or m.voltage_limit)
     torque, lost = u if unlimited else motor.torque(current, constant), R * current**2
@@ -108,7 +108,7 @@ def _winding(drive: JointDrive, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
     return Flow(torque, slope, stored, voltage * current, lost)
 
 
-def _current(drive: JointDrive, u: ca.SX, emf: ca.SX, R: float) -> ca.SX:
+def _ideal_current(drive: JointDrive, u: ca.SX, emf: ca.SX, R: float) -> ca.SX:
     """The current that acts at once, within the limits.
 
     A voltage without inductance drives it, or an ideal controller of current or torque.
@@ -124,20 +124,20 @@ def _current(drive: JointDrive, u: ca.SX, emf: ca.SX, R: float) -> ca.SX:
     return motor.current_under(m.voltage_limit, current, emf, R, m.current_limit)
 
 
-def _coupling(c: Transmission, ratio: float, q: ca.SX, v: ca.SX, z: ca.SX) -> Flow:
+def _transmission_flow(c: Transmission, ratio: float, q: ca.SX, v: ca.SX, z: ca.SX) -> Flow:
     """The transmission: its torque on the link, its dissipated power, and w' of a hysteresis."""
     position, velocity, error = z[0], z[1], c.kinematic_error
     twist, rate = position - q, velocity - v
     if error:
         twist = twist + transmission.kinematic_error(ratio * position, error)
         rate = rate + velocity * _error_slope(error, ratio, position)
-    bent = transmission.engaged(twist, c.backlash) if c.backlash else twist
-    elastic = transmission.elastic_torque(bent, c.stiffness, c.stiffening)
+    engagement = transmission.engaged(twist, c.backlash) if c.backlash else twist
+    elastic = transmission.elastic_torque(engagement, c.stiffness, c.stiffening)
     torque = elastic + c.damping * rate
     if c.backlash:
-        torque = transmission.flank_torque(bent, elastic, c.damping * rate)
+        torque = transmission.flank_torque(engagement, elastic, c.damping * rate)
     lost = (torque - elastic) * rate
-    energy = transmission.elastic_energy(bent, c.stiffness, c.stiffening)
+    energy = transmission.elastic_energy(engagement, c.stiffness, c.stiffening)
     if c.hysteresis is None:
         return Flow(torque, _NO_STATE, energy, lost=lost)
     h, w = c.hysteresis, z[2]
@@ -183,7 +183,7 @@ class Drives:
 
     def initial(self, q: Array, v: Array) -> Array:
         """Initial states at q, v: zero currents and twists; shape (nz,)."""
-        states = [at_rest(drive, float(q[i]), float(v[i])) for i, drive in self._joints]
+        states = [rest_states(drive, float(q[i]), float(v[i])) for i, drive in self._joints]
         return np.array([number for state in states for number in state], dtype=float)
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
@@ -195,7 +195,7 @@ class Drives:
         drives.
         """
         parts = zip(self._joints, self._ends, self._ends[1:], strict=False)
-        flows = [instant(drive, q[i], v[i], z[a:b], u[i]) for (i, drive), a, b in parts]
+        flows = [drive_flow(drive, q[i], v[i], z[a:b], u[i]) for (i, drive), a, b in parts]
         torque = ca.SX(self._n, 1)
         for (i, _), flow in zip(self._joints, flows, strict=True):
             torque[i] = flow.torque

@@ -43,15 +43,15 @@ class Flow:
 
 
 class StateKind(Enum):
-    """What an internal state is; names are for display only."""
+    """Physical quantities of internal states; names are for display only."""
 
     CURRENT = auto()
     MOTOR_POSITION = auto()
     MOTOR_VELOCITY = auto()
     DEFLECTION = auto()
-    """Of a bristle, which keeps its value at rest."""
+    """State of a bristle, which keeps its value at rest."""
     HYSTERESIS = auto()
-    """Of a transmission, likewise."""
+    """State of a transmission, which keeps its value at rest."""
 
 
 @frozen
@@ -60,10 +60,10 @@ class InternalState:
 
     Attributes:
         joint: Index of its joint.
-        kind: What it is.
-        name: For display, with joint and unit: "joint1 motor current [A]".
-        scale: For error control: the tolerance times this scale is the admissible error, as for a
-            radian.
+        kind: Physical quantity of the state.
+        name: Name for display, with joint and unit: "joint1 motor current [A]".
+        scale: Scale for error control: the tolerance times this scale is the admissible error, as
+            for a radian.
     """
 
     joint: int
@@ -76,8 +76,8 @@ class StatefulLaw(Protocol):
     """A model with internal states (possibly none), or one that replaces the command.
 
     Attributes:
-        title: Its name, for display: "LuGre friction".
-        states: Its states, nz of them.
+        title: Name of the model, for display: "LuGre friction".
+        states: States of the model, nz of them.
         replaces_command: Joints for which its torque replaces u, shape (n,); for the others u acts
             directly.
     """
@@ -87,10 +87,10 @@ class StatefulLaw(Protocol):
     replaces_command: NDArray[np.bool_]
 
     def initial(self, q: Array, v: Array) -> Array:
-        """Its initial states at q, v, shape (nz,)."""
+        """Initial states of the model at q, v, shape (nz,)."""
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """Its torques, state derivatives and energy flow under the command u, shape (n,).
+        """Torques of the model, state derivatives and energy flow under the command u, shape (n,).
 
         A model that replaces no command receives the torques of the drives as u.
         """
@@ -116,7 +116,7 @@ class FrictionLaw(StatefulLaw, Protocol):
         """
 
     def fastest_rate(self, M: Array, v: Array) -> float:
-        """Upper estimate of its fastest rate in [1/s], whatever the initial state.
+        """Upper estimate of the model's fastest rate in [1/s], whatever the initial state.
 
         Args:
             M: Mass matrix at the initial position, shape (n, n).
@@ -124,7 +124,7 @@ class FrictionLaw(StatefulLaw, Protocol):
         """
 
     def steady(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Its contribution to F in steady state; numbers (…, n) or expressions.
+        """Contribution of the model to F in steady state; numbers (…, n) or expressions.
 
         Args:
             v: Joint velocities in [rad/s] or [m/s].
@@ -196,14 +196,14 @@ class Ensemble:
         torque = self._direct() * u
         for law, part in self.parts(z):
             if law.replaces_command.any():
-                replaced = ca.DM(law.replaces_command.astype(float))
-                torque = torque + replaced * law.equations(q, v, part, u).torque
+                is_replaced = ca.DM(law.replaces_command.astype(float))
+                torque = torque + is_replaced * law.equations(q, v, part, u).torque
         return torque
 
     def _direct(self) -> ca.SX:
         """1 for joints on which the command acts as a torque, else 0."""
-        kept = [np.ones(self.n), *(~law.replaces_command for law in self.laws)]
-        return ca.SX(ca.DM(np.all(kept, axis=0).astype(float)))
+        unreplaced = [np.ones(self.n), *(~law.replaces_command for law in self.laws)]
+        return ca.SX(ca.DM(np.all(unreplaced, axis=0).astype(float)))
 
     def parts(self, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
         """Each law with its states among z."""

@@ -13,9 +13,9 @@ from arm_dynamics.equations.elementary import Quantity
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction.joint_friction import JointFriction
 
-# Of the fixed-point iteration of ``demanded``: each leaves as much of the error as friction grows
-# with the load
-REPETITIONS = 40
+# Fixed-point iterations of ``overcome``: each leaves as much of the error as friction
+# grows with the load
+ITERATIONS = 40
 
 
 @frozen
@@ -42,21 +42,21 @@ class SteadyFriction:
 
     @cached_property
     def has_dry(self) -> bool:
-        """Whether part of it changes sign with the direction."""
+        """Whether part of the friction changes sign with the direction."""
         return self.joints.has_dry or bool(self.laws)
 
     @cached_property
     def by_position(self) -> bool:
-        """Whether it depends on the joints' positions."""
+        """Whether the friction depends on the joints' positions."""
         return self.joints.by_position or self.joints.by_law.by_position
 
     @cached_property
     def by_load(self) -> bool:
-        """Whether it depends on the drives' torques."""
+        """Whether the friction depends on the drives' torques."""
         return self.joints.by_load or self.joints.by_law.by_load
 
     @cached_property
-    def present(self) -> bool:
+    def is_present(self) -> bool:
         """Whether there is any."""
         joints = self.joints
         viscous = joints.viscous.mean.any() or joints.viscous.skew.any()
@@ -83,7 +83,7 @@ class SteadyFriction:
         """The part of the models with states."""
         return sum((law.steady(v, direction, q, load) for law in self.laws), 0.0 * v)
 
-    def demanded(self, rigid: Quantity, v: Quantity, direction: Quantity, q: Quantity) -> Quantity:
+    def overcome(self, rigid: Quantity, v: Quantity, direction: Quantity, q: Quantity) -> Quantity:
         """Torque that moves the rigid arm and overcomes the friction caused by that torque.
 
         Solves tau = g(rigid + F(v, q, tau)), where g is the torque that a gear requires to deliver
@@ -100,6 +100,6 @@ class SteadyFriction:
             Torques of the shape of ``rigid``.
         """
         friction, tau = self.gearless, rigid
-        for _ in range(REPETITIONS + 1 if self.by_load else 1):
+        for _ in range(ITERATIONS + 1 if self.by_load else 1):
             tau = self.joints.gear_input(rigid + friction(v, direction, q, tau), direction)
         return tau

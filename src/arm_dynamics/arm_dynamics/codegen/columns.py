@@ -29,34 +29,34 @@ def column_function(function: ca.Function) -> str:
     Returns:
         A function ``void NAME(const real* c, const column* const* arg, column* res)``.
     """
-    lines, numbers, declared = list[str](), set[int](), set[str]()
+    lines, scalars, declared = list[str](), set[int](), set[str]()
 
     def name(work: int) -> str:
-        return f"{'n' if work in numbers else 'a'}{work}"
+        return f"{'n' if work in scalars else 'a'}{work}"
 
     for k in range(function.n_instructions()):
         kind = function.instruction_id(k)
         outputs, inputs = function.instruction_output(k), function.instruction_input(k)
         if kind == ca.OP_OUTPUT:
             value = name(inputs[0])
-            spread = f"SPREAD({value})" if inputs[0] in numbers else value
+            spread = f"SPREAD({value})" if inputs[0] in scalars else value
             lines.append(f"res[{outputs[1]}] = {spread};")
             continue
-        plain = all(i in numbers for i in inputs)
+        is_scalar = all(i in scalars for i in inputs)
         if kind == ca.OP_CONST:
             value = repr(function.instruction_constant(k))
         elif kind == ca.OP_INPUT:
             argument, element = inputs
-            plain = argument == 0
-            value = f"c[{element}]" if plain else f"arg[{argument - 1}][{element}]"
+            is_scalar = argument == 0
+            value = f"c[{element}]" if is_scalar else f"arg[{argument - 1}][{element}]"
         elif kind in _BINARY:
             value = f" {_BINARY[kind]} ".join(map(name, inputs))
         elif kind in _UNARY:
             value = _UNARY[kind](name(inputs[0]))
         else:
             raise ValueError(f"no operation of linear functions: CasADi's number {kind}")
-        (numbers.add if plain else numbers.discard)(outputs[0])
-        declared.add(f"{'real n' if plain else 'column a'}{outputs[0]};")
+        (scalars.add if is_scalar else scalars.discard)(outputs[0])
+        declared.add(f"{'real n' if is_scalar else 'column a'}{outputs[0]};")
         lines.append(f"{name(outputs[0])} = {value};")
     body = "\n  ".join([*sorted(declared), "(void)c, (void)arg;", *lines])
     # Inlined into a loop, it would share the vector registers with what surrounds it.

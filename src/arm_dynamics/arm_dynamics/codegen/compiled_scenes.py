@@ -103,23 +103,23 @@ def load(entry: Path) -> Code:
 
 def read_manifest(entry: Path) -> Manifest:
     """Check an entry and read its description; the error says why it must not be loaded."""
-    beside = entry.with_suffix(".json")
-    for path in (entry.parent.resolve(), entry, beside):
+    description = entry.with_suffix(".json")
+    for path in (entry.parent.resolve(), entry, description):
         _check_owner(path)
     try:
-        manifest = Manifest.model_validate_json(beside.read_bytes())
+        manifest = Manifest.model_validate_json(description.read_bytes())
     except ValidationError as error:
-        raise KernelError(f"{beside} is damaged or of another version: {error}") from error
+        raise KernelError(f"{description} is damaged or of another version: {error}") from error
     name = f"{entry} ({manifest.scene}: {manifest.kernel})"
-    if manifest.machine != (here := os.uname().machine):
-        raise KernelError(f"{name} was compiled for {manifest.machine}; this machine is {here}")
-    if lacking := processor.missing(manifest.instructions):
+    if manifest.machine != (machine := os.uname().machine):
+        raise KernelError(f"{name} was compiled for {manifest.machine}; this machine is {machine}")
+    if missing := processor.missing(manifest.instructions):
         raise KernelError(
-            f"{name} needs instructions that this processor lacks: {', '.join(lacking)}; "
+            f"{name} needs instructions that this processor lacks: {', '.join(missing)}; "
             f"{ARM} build --processor compiles for older ones"
         )
     if hashlib.sha256(entry.read_bytes()).hexdigest() != manifest.sha256:
-        raise KernelError(f"{name} is damaged: its digest is not the one in {beside.name}")
+        raise KernelError(f"{name} is damaged: its digest is not the one in {description.name}")
     return manifest
 
 
@@ -138,11 +138,12 @@ def make_folder(folder: Path) -> None:
 
 def store(entry: Path, library: bytes, manifest: Manifest) -> None:
     """Write an entry, each of its files atomically."""
-    put(entry, library, 0o644)
-    put(entry.with_suffix(".json"), manifest.model_dump_json(indent=1).encode() + b"\n", 0o644)
+    write_atomically(entry, library, 0o644)
+    description = manifest.model_dump_json(indent=1) + "\n"
+    write_atomically(entry.with_suffix(".json"), description.encode(), 0o644)
 
 
-def put(path: Path, content: bytes, mode: int) -> None:
+def write_atomically(path: Path, content: bytes, mode: int) -> None:
     """Put a file in place atomically, so that no other process ever sees a partial one."""
     handle, name = tempfile.mkstemp(dir=path.parent)
     with os.fdopen(handle, "wb") as file:

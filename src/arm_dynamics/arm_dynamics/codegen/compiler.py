@@ -49,7 +49,7 @@ HOW_TO_GET_CODE = (
     f"({ARM} build SCENE --out DIR) and set ARM_CACHE=DIR"
 )
 # Lines of C that take a compiler more than about two seconds.
-LONG = 20_000
+LONG_SOURCE = 20_000
 _COMPILERS = {
     "c": ("C", "CC", ("cc", "gcc", "clang")),
     "c++": ("C++", "CXX", ("c++", "g++", "clang++")),
@@ -85,11 +85,11 @@ def find_compiler(language: str = "c") -> tuple[str, ...] | None:
     It is ``$CC`` (``$CXX``) if that is set and exists, else the first usual name on the PATH.
     """
     _, variable, names = _COMPILERS[language]
-    return _first_there(os.environ.get(variable, ""), names, os.environ.get("PATH"))
+    return _first_installed(os.environ.get(variable, ""), names, os.environ.get("PATH"))
 
 
 @cache
-def _first_there(own: str, names: tuple[str, ...], path: str | None) -> tuple[str, ...] | None:
+def _first_installed(own: str, names: tuple[str, ...], path: str | None) -> tuple[str, ...] | None:
     command = shlex.split(own)
     if command:
         return tuple(command) if shutil.which(command[0], path=path) else None
@@ -152,12 +152,11 @@ def build(
             return _build_into(destination, key, texts, language, flags + local)
         code, refusals = compiled_scenes.search(key)
         if code is None:
-            command = find_compiler(language)
-            if command is None:
+            if (command := find_compiler(language)) is None:
                 raise CompilerMissing(_no_compiler_message(language, refusals))
-            entry, version = _own_entry(key, command)
+            entry, version = _cache_entry(key, command)
             if user_cache.read(entry) is None:
-                library = _compiled(texts, language, command, flags + local, processor.NATIVE)
+                library = _compile(texts, language, command, flags + local, processor.NATIVE)
                 user_cache.write(entry, library)
             code = Code(ctypes.CDLL(str(entry)), version, key)
     for refusal in refusals:
@@ -173,8 +172,8 @@ def destination() -> Destination | None:
 @contextmanager
 def describing(kernel: str) -> Iterator[None]:
     """Within this block, code that is built into a folder is described so."""
-    where = _destination.get()
-    token = _destination.set(where and replace(where, kernel=kernel))
+    outer = _destination.get()
+    token = _destination.set(outer and replace(outer, kernel=kernel))
     try:
         yield
     finally:
@@ -188,7 +187,7 @@ def find(key: str) -> Code | None:
     code, _ = compiled_scenes.search(key)
     command = find_compiler()
     if code is None and command is not None:
-        entry, version = _own_entry(key, command)
+        entry, version = _cache_entry(key, command)
         if user_cache.read(entry) is not None:
             return Code(ctypes.CDLL(str(entry)), version, key)
     return code
@@ -202,11 +201,10 @@ def building_into(destination: Destination) -> Iterator[None]:
         KernelError: If this processor lacks instructions of the target, so that what is built
             could not be checked.
     """
-    lacking = processor.missing(processor.needed(destination.target))
-    if lacking:
+    if missing := processor.missing(processor.needed(destination.target)):
         raise KernelError(
             f"code for {destination.target} cannot be checked here: this processor lacks "
-            f"{', '.join(lacking)}"
+            f"{', '.join(missing)}"
         )
     token = _destination.set(destination)
     try:
@@ -242,18 +240,17 @@ def _build_into(
     destination: Destination, key: str, texts: list[str], language: str, flags: tuple[str, ...]
 ) -> Code:
     """Compile into a folder of compiled scenes, unless the entry exists already."""
-    command = find_compiler(language)
-    if command is None:
+    if (command := find_compiler(language)) is None:
         raise CompilerMissing(_no_compiler_message(language, []))
     entry, version = destination.folder / f"{key}.so", compiler_version(command)
     needs = sorted(processor.needed(destination.target))
     try:
-        present = compiled_scenes.read_manifest(entry)
-        same = (present.compiler, present.target, present.instructions)
+        old = compiled_scenes.read_manifest(entry)
+        present = (old.compiler, old.target, old.instructions)
     except KernelError:  # there is none, or it cannot be used
-        same = None
-    if same != (version, destination.target, needs):
-        library = _compiled(texts, language, command, flags, destination.target)
+        present = None
+    if present != (version, destination.target, needs):
+        library = _compile(texts, language, command, flags, destination.target)
         manifest = Manifest(
             scene=destination.scene, kernel=destination.kernel, compiler=version,
             target=destination.target, machine=os.uname().machine, instructions=needs,
@@ -263,14 +260,14 @@ def _build_into(
     return compiled_scenes.load(entry)
 
 
-def _own_entry(key: str, command: tuple[str, ...]) -> tuple[Path, str]:
+def _cache_entry(key: str, command: tuple[str, ...]) -> tuple[Path, str]:
     """File of the user's own cache, and the compiler's version."""
     version = compiler_version(command)
     name = user_cache.digest(key, *command, version, *sorted(processor.instructions()))
     return user_cache.folder() / f"{name}.so", version
 
 
-def _compiled(
+def _compile(
     texts: list[str], language: str, command: tuple[str, ...], flags: tuple[str, ...], target: str
 ) -> bytes:
     """A library of a source, which may be divided, and of further units."""
@@ -278,7 +275,7 @@ def _compiled(
     suffix = "c" if language == "c" else "cpp"
     compile_ = [*command, f"-march={target}", *flags, f"-I{NATIVE}"]
     parts = [*units(source, len(os.sched_getaffinity(0))), *others]
-    if (lines := source.count("\n")) > LONG:
+    if (lines := source.count("\n")) > LONG_SOURCE:
         _log.info("compiling %d lines of C on %d cores", lines, len(parts))
     with tempfile.TemporaryDirectory(dir=user_cache.folder()) as scratch:
         library, names = Path(scratch) / "kernel.so", list[str]()
@@ -299,19 +296,19 @@ def _run(*commands: list[str]) -> None:
     """Run all compiler commands in parallel; an interruption ends them."""
     silent, pipe = subprocess.DEVNULL, subprocess.PIPE
     with ExitStack() as stack:
-        running = [
+        processes = [
             stack.enter_context(
                 subprocess.Popen(command, stdin=silent, stdout=silent, stderr=pipe, text=True)
             )
             for command in commands
         ]
         try:
-            messages = [process.communicate()[1] for process in running]
+            messages = [process.communicate()[1] for process in processes]
         except BaseException:
-            for process in running:
+            for process in processes:
                 process.terminate()
             raise
-    for command, process, message in zip(commands, running, messages, strict=True):
+    for command, process, message in zip(commands, processes, messages, strict=True):
         if (status := process.returncode) < 0:
             name = signal.Signals(-status).name
             raise KernelError(f"{command[0]} was ended by {name} before it had compiled the code")

@@ -89,14 +89,15 @@ class Header:
         Those that are QUICK are called with the interpreter lock.
         """
         locked = ctypes.PyDLL(library._name, handle=library._handle)
-        for name, (result, arguments, quick) in self._functions.items():
-            function = getattr(locked if quick else library, name)
+        for name, (result, arguments, is_quick) in self._functions.items():
+            function = getattr(locked if is_quick else library, name)
             function.restype, function.argtypes = result, arguments
             setattr(library, name, function)
 
     def _read(self, text: str) -> None:
+        """Record what one declaration declares."""
         if match := _ENUM.match(text):
-            self._count(match[1])
+            self._read_enumerators(match[1])
         elif match := _STRUCT.match(text):
             members, name = match.groups()
             self._structures[name] = list(self._members(members))
@@ -105,18 +106,20 @@ class Header:
         elif not text.startswith("typedef") and (match := _FUNCTION.match(text)):
             mark, result, name, arguments = match.groups()
             if mark:
-                quick = mark.strip() == "QUICK"
-                self._functions[name] = *self._signature(result, arguments), quick
+                is_quick = mark.strip() == "QUICK"
+                self._functions[name] = *self._signature(result, arguments), is_quick
         elif not _OPAQUE.match(text):
             raise ValueError(f"{self._path}: cannot read '{text}'")
 
     def _signature(self, result: str, arguments: str) -> tuple[Any, list[Any]]:
+        """Types of a function's result and of its arguments."""
         listed = [] if arguments.strip() in ("", "void") else arguments.split(",")
-        kinds = [kind for one in listed for _, kind in self._declared(one.strip())]
-        ((_, kind),) = self._declared(f"{result}_")
+        kinds = [kind for one in listed for _, kind in self._declarators(one.strip())]
+        ((_, kind),) = self._declarators(f"{result}_")
         return kind, kinds
 
-    def _count(self, enumerators: str) -> None:
+    def _read_enumerators(self, enumerators: str) -> None:
+        """Record the values of an enumeration."""
         value = -1
         for one in filter(None, map(str.strip, enumerators.split(","))):
             name, _, number = map(str.strip, one.partition("="))
@@ -124,13 +127,14 @@ class Header:
             self.constants[name] = value
 
     def _members(self, text: str) -> Iterator[tuple[str, Any]]:
+        """Names and types of the members of a structure."""
         for one in filter(None, map(str.strip, text.split(";"))):
             if match := _POINTER_FIELD.match(one):
                 yield match[1], ctypes.c_void_p
             else:
-                yield from self._declared(one)
+                yield from self._declarators(one)
 
-    def _declared(self, text: str) -> Iterator[tuple[str, Any]]:
+    def _declarators(self, text: str) -> Iterator[tuple[str, Any]]:
         """Names and types in ``int64_t a, *b, c[3]``; of ``void``, the type is None."""
         if (match := _FIELDS.match(text)) is None:
             raise ValueError(f"{self._path}: cannot read '{text}'")
@@ -143,6 +147,7 @@ class Header:
             yield name, kind * self._length(length) if length else kind
 
     def _type(self, name: str, where: str) -> Any:
+        """The type of a name, None for ``void``; ``where`` is the declaration, for messages."""
         if name == "void":
             return None
         if name in self._pointers:
@@ -154,6 +159,7 @@ class Header:
         return _NUMBERS[name]
 
     def _length(self, text: str) -> int:
+        """Length of an array: a number, a constant, or a sum of these."""
         length = 0
         for part in map(str.strip, text.split("+")):
             if not part.isdigit() and part not in self.constants:

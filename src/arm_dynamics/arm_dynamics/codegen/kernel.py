@@ -93,7 +93,7 @@ class Kernel:
         code = None
         if backend != "vm":
             needs = needs_native or ("backend = 'native'" if backend == "native" else "")
-            code = _compiled(generate(functions) + driver, local, needs)
+            code = _compile(generate(functions) + driver, local, needs)
         elif needs_native:
             raise KernelError(
                 f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
@@ -105,7 +105,7 @@ class Kernel:
         self._operations: dict[str, int] = {}
 
     @classmethod
-    def recalled(cls, recipe: str) -> Self | None:
+    def recall(cls, recipe: str) -> Self | None:
         """The kernel that was kept under a recipe, without its expressions; None if there is none.
 
         Args:
@@ -120,7 +120,7 @@ class Kernel:
         return kernel
 
     def keep(self, recipe: str) -> None:
-        """Keep native code under a recipe, see ``recalled``."""
+        """Keep native code under a recipe, see ``recall``."""
         if (code := self._code) is not None:
             counts = {name: self.operations(name) for name in self._signatures}
             functions = tuple(self._signatures.values())
@@ -159,6 +159,7 @@ class Kernel:
     def _bind(
         self, signature: Signature, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
     ) -> tuple[Callable[[], object], Entry]:
+        """The compiled function with its memory, for Python and for other compiled code."""
         function = getattr(self.library, signature.name)
         function.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
         of_arguments, of_results, of_integers, of_reals = signature.sizes
@@ -167,15 +168,15 @@ class Kernel:
         reals = np.zeros(max(1, of_reals))
         tables = (ctypes.addressof(table) for table in (arguments, results))
         addresses = (*tables, integers.ctypes.data, reals.ctypes.data, 0)
-        kept = (inputs, outputs, arguments, results, integers, reals)
+        buffers = (inputs, outputs, arguments, results, integers, reals)
 
-        def run(_kept: object = kept) -> None:
+        def run(_buffers: object = buffers) -> None:
             function(*addresses)
 
         return run, Entry(ctypes.cast(function, ctypes.c_void_p), *addresses[:4])
 
 
-def _compiled(source: str, local: tuple[str, ...], needs: str) -> Code | None:
+def _compile(source: str, local: tuple[str, ...], needs: str) -> Code | None:
     """Native code; None if there is no compiler, unless something needs it."""
     try:
         return compiler.build(f'#include "scalar.h"\n{source}', local=local)
@@ -188,6 +189,7 @@ def _compiled(source: str, local: tuple[str, ...], needs: str) -> Code | None:
 
 
 def _signature(function: ca.Function) -> Signature:
+    """Signature of a CasADi function."""
     return Signature(
         name=function.name(),
         inputs=tuple(function.size_in(i) for i in range(function.n_in())),
@@ -244,13 +246,14 @@ def _memory(shape: tuple[int, int]) -> Array:
 def _virtual(
     function: ca.Function, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
 ) -> Callable[[], object]:
+    """A function with its memory on CasADi's virtual machine."""
     buffer, evaluate = function.buffer()
     for i, array in enumerate(inputs):
         buffer.set_arg(i, memoryview(array.ravel(order="K")))
     for i, array in enumerate(outputs):
         buffer.set_res(i, memoryview(array.ravel(order="K")))
 
-    def run(_kept: object = (buffer, inputs, outputs)) -> None:
+    def run(_buffers: object = (buffer, inputs, outputs)) -> None:
         evaluate()
 
     return run

@@ -25,7 +25,7 @@ class Signature(BaseModel):
     Attributes:
         name: Its name.
         inputs: Rows and columns of its arguments.
-        outputs: Those of its results.
+        outputs: Rows and columns of its results.
         sizes: Numbers of pointers to arguments and to results, and of integers and reals it needs.
     """
 
@@ -38,7 +38,7 @@ class Signature(BaseModel):
 
 
 class Note(BaseModel):
-    """Description of a kept kernel.
+    """Description of a kernel in the cache.
 
     Attributes:
         key: Key of its code, see ``Code.key``.
@@ -55,8 +55,7 @@ class Note(BaseModel):
 
 def recall(recipe: str) -> tuple[Code, Note] | None:
     """The code of a recipe; None if there is no note, or its code no longer exists."""
-    content = user_cache.read(_place(recipe))
-    if content is None:
+    if (content := user_cache.read(_note_file(recipe))) is None:
         return None
     try:
         note = Note.model_validate_json(content)
@@ -68,7 +67,7 @@ def recall(recipe: str) -> tuple[Code, Note] | None:
 
 def keep(recipe: str, note: Note) -> None:
     """Note which code belongs to a recipe."""
-    user_cache.write(_place(recipe), note.model_dump_json().encode())
+    user_cache.write(_note_file(recipe), note.model_dump_json().encode())
 
 
 @cache
@@ -85,5 +84,5 @@ def digest_of(*packages: str) -> str:
     return digest.hexdigest()
 
 
-def _place(recipe: str) -> Path:
+def _note_file(recipe: str) -> Path:
     return user_cache.folder() / f"{user_cache.digest(recipe)}.json"

@@ -18,7 +18,7 @@ _LEVELS = {"x86-64-v2": _V2, "x86-64-v3": _V3}
 TARGETS = (NATIVE, *_LEVELS)
 # Those flags of an x86 processor whose instructions a compiler generates; the others concern
 # virtual machines, mitigations and instructions that are not used here.
-_USED = ("abm", "apx", "avx", "bmi", "cx16", "f16c", "fma", "gfni", "lahf_lm", "movbe", "pni",
+_GENERATED = ("abm", "apx", "avx", "bmi", "cx16", "f16c", "fma", "gfni", "lahf_lm", "movbe", "pni",
          "popcnt", "sse", "ssse3", "tbm", "xop")  # fmt: skip
 
 
@@ -33,7 +33,7 @@ def instructions() -> frozenset[str]:
     words = flags.partition(":")[2].split()
     if flags.startswith("Features"):  # of an ARM processor, which lists nothing else
         return frozenset(words)
-    return frozenset(word for word in words if word.startswith(_USED))
+    return frozenset(word for word in words if word.startswith(_GENERATED))
 
 
 def needed(target: str) -> frozenset[str]:
@@ -48,5 +48,5 @@ def needed(target: str) -> frozenset[str]:
 
 
 def missing(needs: Iterable[str]) -> list[str]:
-    """Those of ``needs`` that this processor lacks, sorted."""
+    """Extensions among ``needs`` that this processor lacks, sorted."""
     return sorted(set(needs) - instructions())

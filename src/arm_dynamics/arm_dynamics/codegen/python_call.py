@@ -25,7 +25,7 @@ PythonCall = Callable[..., Array | None]
 
 _SOURCE = compiler.NATIVE / "python_call.c"
 _SIZE = ctypes.c_ssize_t
-_TAKES = ctypes.c_void_p, _SIZE, _SIZE, ctypes.c_int, ctypes.c_void_p, ctypes.py_object
+_ARGUMENT_TYPES = ctypes.c_void_p, _SIZE, _SIZE, ctypes.c_int, ctypes.c_void_p, ctypes.py_object
 
 
 def python_call(kernel: Kernel, name: str, shape: tuple[int, ...]) -> PythonCall:
@@ -36,18 +36,18 @@ def python_call(kernel: Kernel, name: str, shape: tuple[int, ...]) -> PythonCall
     call = kernel.call(name)
     dimensions = (ctypes.c_ssize_t * len(shape))(*shape)
     entry = ctypes.byref(call.entry) if call.entry else None
-    function: PythonCall = python_function(_SOURCE, _TAKES)(
+    function: PythonCall = python_function(_SOURCE, _ARGUMENT_TYPES)(
         entry, len(call.inputs), call.inputs[0].size, len(shape), dimensions, (call, kernel)
     )
     return function
 
 
 @cache
-def python_function(source: Path, takes: tuple[type, ...], *folders: Path) -> Any:
+def python_function(source: Path, argument_types: tuple[type, ...], *folders: Path) -> Any:
     """The C function ``python_function`` of a file, which makes functions for Python.
 
     It and they are called with the interpreter lock. The file includes ``python_function.h``;
-    ``takes`` are types of its arguments, ``folders`` further ones of headers.
+    ``argument_types`` are types of its arguments, ``folders`` further ones of headers.
     """
     headers = Path(sysconfig.get_path("include"))
     if not (headers / "Python.h").is_file():
@@ -60,6 +60,6 @@ def python_function(source: Path, takes: tuple[type, ...], *folders: Path) -> An
     places = *own, f"-isystem{headers}", f"-isystem{np.get_include()}"
     code = compiler.build(versions + source.read_text(encoding="utf-8"), local=places)
     library = ctypes.PyDLL(code.library._name, handle=code.library._handle)
-    library.python_function.argtypes = takes
+    library.python_function.argtypes = argument_types
     library.python_function.restype = ctypes.py_object
     return library.python_function

@@ -50,21 +50,21 @@ class Rows:
             arguments: Arrays of shape (k, …), the first always, or single vectors shared by all.
         """
         count = len(arguments[0])
-        vectors = [_readable(x) for x in arguments]
+        vectors = [_contiguous_rows(x) for x in arguments]
         steps = [x.strides[0] // x.itemsize if x.ndim == 2 else 0 for x in vectors]
         results = [np.empty((count, size)) for size in self._sizes]
         strides = (ctypes.c_longlong * len(steps))(*steps)
         for first in range(0, count, CHUNK):
-            rows = slice(first, first + CHUNK)
-            inputs = [x[rows] if step else x for x, step in zip(vectors, steps, strict=True)]
-            outputs = [x[rows] for x in results]
+            chunk = slice(first, first + CHUNK)
+            inputs = [x[chunk] if step else x for x, step in zip(vectors, steps, strict=True)]
+            outputs = [x[chunk] for x in results]
             length = ctypes.c_longlong(min(CHUNK, count - first))
-            into = pointers(outputs, len(outputs))
-            self.entry(pointers(inputs, len(inputs)), strides, length, into)
+            targets = pointers(outputs, len(outputs))
+            self.entry(pointers(inputs, len(inputs)), strides, length, targets)
         return results
 
 
-def _readable(x: Array) -> Array:
-    """The same numbers with contiguous rows; the stride between rows is arbitrary."""
+def _contiguous_rows(x: Array) -> Array:
+    """The numbers of an array with contiguous rows; the stride between rows is arbitrary."""
     contiguous = x.strides[-1] == x.itemsize and x.strides[0] % x.itemsize == 0
     return x if contiguous and x.flags.aligned else np.ascontiguousarray(x)

@@ -12,10 +12,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-# Lines of a piece, and up to how many a function stays whole: an arm of ten joints has 2000.
-# Pieces of half the length compile no faster, and longer ones run no faster.
-PIECE = 1000
-WHOLE = 3000
+# Lines of a piece: half as many compile no faster, and more run no faster.
+PIECE_LINES = 1000
+# Lines up to which a function stays undivided: an arm of ten joints has 2000.
+UNDIVIDED_LINES = 3000
 
 # What CasADi writes for a function of scalars: declarations of a0, a1, … and assignments.
 _FUNCTION = re.compile(
@@ -35,7 +35,13 @@ _SIGNATURE = re.compile(r".*?\)(?= \{$)", re.MULTILINE)
 
 @dataclass(frozen=True)
 class _Line:
-    """A line, the variable that it writes, empty for a result, and those that it reads."""
+    """A line of C.
+
+    Attributes:
+        text: The line.
+        target: Variable that it writes; empty for a result.
+        sources: Variables that it reads.
+    """
 
     text: str
     target: str
@@ -47,7 +53,7 @@ class _Line:
         return _Line(text, target.group(1), names[1:]) if target else _Line(text, "", names)
 
 
-def divided(source: str, whole: int = WHOLE, piece: int = PIECE) -> str:
+def divided(source: str, whole: int = UNDIVIDED_LINES, piece: int = PIECE_LINES) -> str:
     """Generated C source with its long functions divided.
 
     Those of up to ``whole`` lines stay as they are, and those that are not plain lists of
@@ -59,8 +65,8 @@ def divided(source: str, whole: int = WHOLE, piece: int = PIECE) -> str:
         lines = body.splitlines()
         if len(lines) <= whole or not all(map(_PLAIN.fullmatch, lines)):
             return match.group()
-        read = list(map(_Line.of, lines))
-        parts = [read[k : k + piece] for k in range(0, len(read), piece)]
+        parsed = list(map(_Line.of, lines))
+        parts = [parsed[k : k + piece] for k in range(0, len(parsed), piece)]
         places = {a: k for k, a in enumerate(_VARIABLE.findall(declarations))}
         calls = "".join(f"  {name}_{k}(arg, res, live);\n" for k in range(len(parts)))
         memory = f"  casadi_real live[{len(places)}];\n"

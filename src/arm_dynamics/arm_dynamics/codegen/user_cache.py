@@ -15,7 +15,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from arm_dynamics.codegen.compiled_scenes import put
+from arm_dynamics.codegen.compiled_scenes import write_atomically
 
 _DIGEST = hashlib.sha256().digest_size
 _log = logging.getLogger(__name__)
@@ -45,9 +45,9 @@ def _temporary_folder(unusable: Path) -> Path:
         "'%s' cannot be used: compiled code is kept for this process only; "
         "XDG_CACHE_HOME names a folder that can be written", unusable,
     )  # fmt: skip
-    kept = Path(tempfile.mkdtemp(prefix="arm_dynamics-"))
-    atexit.register(shutil.rmtree, kept, ignore_errors=True)
-    return kept
+    temporary = Path(tempfile.mkdtemp(prefix="arm_dynamics-"))
+    atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+    return temporary
 
 
 def digest(*parts: str) -> str:
@@ -63,10 +63,10 @@ def read(entry: Path) -> bytes | None:
         content = entry.read_bytes()
     except OSError:
         return None
-    whole = hashlib.sha256(content[:-_DIGEST]).digest() == content[-_DIGEST:]
-    return content[:-_DIGEST] if len(content) > _DIGEST and whole else None
+    is_intact = hashlib.sha256(content[:-_DIGEST]).digest() == content[-_DIGEST:]
+    return content[:-_DIGEST] if len(content) > _DIGEST and is_intact else None
 
 
 def write(entry: Path, content: bytes) -> None:
     """Write an entry atomically."""
-    put(entry, content + hashlib.sha256(content).digest(), 0o600)
+    write_atomically(entry, content + hashlib.sha256(content).digest(), 0o600)

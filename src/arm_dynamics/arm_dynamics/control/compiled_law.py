@@ -23,7 +23,7 @@ from arm_dynamics.attributes import sealed
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.control.controller import Measured, Moving, added_torques, checked, restart
+from arm_dynamics.control.controller import ArmState, Measured, added_torques, checked, restart
 from arm_dynamics.control.law import Law, law_of, name_of
 from arm_dynamics.exceptions import ControllerFailed, KernelError
 from arm_dynamics.model.arm import ArmModel
@@ -31,10 +31,10 @@ from arm_dynamics.model.rigid_expressions import RigidExpressions
 from arm_dynamics.terms.verify import compare, random_states
 from arm_dynamics.trajectory.reference import Reference
 
-Job = Callable[[], object]
+Preparation = Callable[[], object]
 _NAME = "control_law"
-_SLOWER = "%s; the controller continues without compiled code, which is slower"
-_built: WeakKeyDictionary[ArmModel, dict[tuple[Any, ...], Kernel | None]] = WeakKeyDictionary()
+_FALLBACK = "%s; the controller continues without compiled code, which is slower"
+_kernels: WeakKeyDictionary[ArmModel, dict[tuple[Any, ...], Kernel | None]] = WeakKeyDictionary()
 _log = logging.getLogger(__name__)
 
 
@@ -74,24 +74,23 @@ class Compiled:
         self.law, self.model = law, model
         self._still = np.zeros(model.n)
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
+    def torque(self, state: ArmState, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,); see the controller's own."""
-        call = self._call
-        if call is None or reference is None:
+        if (call := self._call) is None or reference is None:
             return self.law.torque(state, reference)
         q, v = checked(state, self.model.n, reference)
         if (added := added_torques(reference, self.model.n)) is None:
             added = self._still
-        (moving, _, memory), (tau, next_memory) = call.inputs, call.outputs
-        np.concatenate((q, v, reference.q, reference.v, reference.a, added), out=moving)
+        (motion, _, memory), (tau, next_memory) = call.inputs, call.outputs
+        np.concatenate((q, v, reference.q, reference.v, reference.a, added), out=motion)
         call.run()
         if all_finite(tau):
             memory[:] = next_memory
             return tau.copy()
         self.law.memory = _parts(np, memory, self.law.memory)
-        by_numbers = self.law.torque(state, reference)
+        tau_in_numbers = self.law.torque(state, reference)
         memory[:] = _flat(self.law.memory)
-        return by_numbers
+        return tau_in_numbers
 
     def compiled(self) -> CompiledLaw | None:
         """Return the controller as a compiled function; None without a compiler."""
@@ -103,8 +102,7 @@ class Compiled:
 
     @cached_property
     def _call(self) -> Call | None:
-        kernel = self._kernel()
-        if kernel is None:
+        if (kernel := self._kernel()) is None:
             return None
         call = kernel.call(_NAME)
         _, tuning, memory = call.inputs
@@ -119,26 +117,26 @@ class CompiledWithMemory(Compiled):
         """Take a controller that has not been used, and the model of its arm."""
         super().__init__(law, model)
         self._start = law.memory
-        law.memory = self._begin()
+        law.memory = self._initial_memory()
 
     def restart(self) -> None:
         """Reset the memory."""
-        self.law.memory = self._begin()
+        self.law.memory = self._initial_memory()
         restart(self.law)
         if self._call is not None:
             _, _, memory = self._call.inputs
             memory[:] = _flat(self.law.memory)
 
-    def _begin(self) -> tuple[Array, ...]:
+    def _initial_memory(self) -> tuple[Array, ...]:
         """The memory at the start, in arrays of its own: a formula may change them in place."""
         return tuple(part.copy() for part in self._start)
 
 
-class CompiledOwn(CompiledWithMemory):
+class CompiledUserLaw(CompiledWithMemory):
     """A user-defined controller, compiled for the arm.
 
     It may fail, and is used again after a restart. Its class shares code by a key of the user's,
-    which may be incomplete; so each controller is compared with the code.
+    which may be incomplete, so each controller is compared with the code.
     """
 
     def _kernel(self) -> Kernel | None:
@@ -146,17 +144,22 @@ class CompiledOwn(CompiledWithMemory):
         return kernel if kernel is not None and _agrees(kernel, self.law, self.model) else None
 
 
-def with_code(control: Any, model: ArmModel, own: bool = False) -> Any:
-    """The controller, compiled if it can be; ``own`` if it is, or is around, a user's."""
-    law = law_of(control)
-    if law is None:
+def with_code(control: Any, model: ArmModel, *, is_user_defined: bool = False) -> Any:
+    """The controller, compiled if it can be.
+
+    Args:
+        control: The controller.
+        model: The model of its arm.
+        is_user_defined: Whether it is a user's, or a wrapper of one.
+    """
+    if (law := law_of(control)) is None:
         return control
-    if own:
-        return CompiledOwn(law, model)
+    if is_user_defined:
+        return CompiledUserLaw(law, model)
     return (CompiledWithMemory if law.memory else Compiled)(law, model)
 
 
-def preparation(control: object) -> Job | None:
+def preparation(control: object) -> Preparation | None:
     """The lengthy preparation of a controller's first torque; None if it is done.
 
     Args:
@@ -165,12 +168,12 @@ def preparation(control: object) -> Job | None:
     if not isinstance(control, Compiled):
         return None
     law, model = control.law, control.model
-    return None if law.key in _built.get(model, {}) else partial(build, law, model)
+    return None if law.key in _kernels.get(model, {}) else partial(build, law, model)
 
 
 def build(law: Law, model: ArmModel) -> Kernel | None:
     """The kernel, built once for a model; None if it cannot be built, or is wrong."""
-    kernels, key = _built.setdefault(model, {}), law.key
+    kernels, key = _kernels.setdefault(model, {}), law.key
     if key is None:
         return None
     if key not in kernels:
@@ -184,17 +187,17 @@ def _compiled(law: Law, model: ArmModel) -> Kernel | None:
     try:
         kernel = Kernel([expression(law, model)], "native")
     except (KernelError, OSError) as error:
-        _log.warning(_SLOWER, error)
+        _log.warning(_FALLBACK, error)
         return None
     return kernel if _agrees(kernel, law, model) else None
 
 
 def _agrees(kernel: Kernel, law: Law, model: ArmModel) -> bool:
     """Whether code and controller agree; what differs is logged."""
-    kept = law.memory
+    memory_before = law.memory
     try:
         pairs = list(_pairs(kernel.call(_NAME), law, model))
-        law.memory = kept
+        law.memory = memory_before
         if not pairs:
             raise KernelError(f"{name_of(law)} is singular wherever it was compared")
         by_code, expected = np.swapaxes(pairs, 0, 1)
@@ -202,8 +205,8 @@ def _agrees(kernel: Kernel, law: Law, model: ArmModel) -> bool:
         compare(name_of(law), (by_code - expected, sizes), source="the controller's torque")
     except (ControllerFailed, KernelError) as error:
         hint = " (what changes its formula belongs in tuning or key)"
-        _log.warning(_SLOWER, f"{error}{hint if isinstance(error, KernelError) else ''}")
-        law.memory = kept
+        _log.warning(_FALLBACK, f"{error}{hint if isinstance(error, KernelError) else ''}")
+        law.memory = memory_before
         restart(law)  # one that failed in a posture of the comparison has not failed on the arm
         return False
     return True
@@ -211,18 +214,18 @@ def _agrees(kernel: Kernel, law: Law, model: ArmModel) -> bool:
 
 def expression(law: Law, model: ArmModel) -> ca.Function:
     """A controller as the CasADi function of ``CompiledLaw.call``."""
-    moving = ca.SX.sym("moving", 6 * model.n)
+    motion = ca.SX.sym("moving", 6 * model.n)
     tuning, memory = (
         ca.SX.sym(name, _flat(parts).size)
         for name, parts in (("tuning", law.tuning), ("memory", law.memory))
     )
-    q, v, *desired = ca.vertsplit(moving, model.n)
+    q, v, *desired = ca.vertsplit(motion, model.n)
     tau, after = law.formula(
         RigidExpressions(model), q, v, Reference(*desired),
         _parts(ca, tuning, law.tuning), _parts(ca, memory, law.memory),
     )  # fmt: skip
     results = [ca.densify(tau), ca.densify(ca.vertcat(ca.SX(0, 1), *after))]
-    return ca.Function(_NAME, [moving, tuning, memory], results, {"cse": True})
+    return ca.Function(_NAME, [motion, tuning, memory], results, {"cse": True})
 
 
 @one_at_a_time
@@ -241,12 +244,12 @@ def command_function(law: Law, model: ArmModel) -> ca.Function:
 
 def _pairs(call: Call, law: Law, model: ArmModel) -> Iterator[tuple[Array, Array]]:
     """Torques and memory by the code and by the controller, where the code has an answer."""
-    moving, tuning, memory = call.inputs
+    motion, tuning, memory = call.inputs
     shapes, rng = [part.shape for part in law.memory], np.random.default_rng(0)
     tuning[:] = _flat(law.tuning)
     for q, v, *desired in np.swapaxes(random_states(model.n, 6), 0, 1):
         law.memory = tuple(rng.normal(size=shape) for shape in shapes)
-        moving[:], memory[:] = np.concatenate((q, v, *desired)), _flat(law.memory)
+        motion[:], memory[:] = np.concatenate((q, v, *desired)), _flat(law.memory)
         call.run()
         if all_finite(call.outputs[0]):
             tau = law.torque(Measured(q, v), Reference(*desired))

@@ -85,7 +85,7 @@ def held_torque(
     q, v, a = motion
     middle, speed = q + 0.5 * dt * v, v + 0.5 * dt * a
     sliding = sign(speed) if sliding is None else sliding
-    return friction.demanded(inverse(middle, speed, a), speed, sliding, middle)
+    return friction.overcome(inverse(middle, speed, a), speed, sliding, middle)
 
 
 def law_in_c(model: ArmModel) -> ca.Function:

@@ -14,8 +14,8 @@ _FLOAT = np.dtype(float)
 _NONE = object()  # without a reference
 
 
-class Moving(Protocol):
-    """Anything with joint positions ``q`` and velocities ``v``, as those of ``Measured``."""
+class ArmState(Protocol):
+    """Anything with joint positions ``q`` and velocities ``v``, such as ``Measured``."""
 
     @property
     def q(self) -> Array:
@@ -40,7 +40,7 @@ class Measured:
     v: Array
 
 
-class Checked(Measured):
+class CheckedState(Measured):
     """A state whose shapes and finiteness its maker has checked: the ROS node, or ``custom``."""
 
     __slots__ = ()
@@ -55,7 +55,7 @@ class Controller[Goal](Protocol):
     …), see ``make_controller``.
     """
 
-    def torque(self, state: Moving, reference: Goal) -> Array:
+    def torque(self, state: ArmState, reference: Goal) -> Array:
         """Return joint torques in [N m] or [N], finite, shape (n,), constant until the next call.
 
         Args:
@@ -83,14 +83,14 @@ def restart(control: object) -> None:
         control.restart()
 
 
-def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Array]:
+def checked(state: ArmState, n: int, reference: object = _NONE) -> tuple[Array, Array]:
     """Positions and velocities of a state, each of shape (n,) and finite.
 
-    A ``Checked`` one, with a valid reference, is not checked again. The shapes of the reference
+    A ``CheckedState`` with a valid reference is not checked again. The shapes of the reference
     are checked as well, if there is one.
     """
     q, v = state.q, state.v
-    if type(state) is Checked:
+    if type(state) is CheckedState:
         return q, v
     if reference is not _NONE:
         _check_reference(reference, n)

@@ -2,8 +2,8 @@
 """User-defined controllers: loaded by name, constructed with arguments they need, and checked.
 
 The contract is that of ``Controller``: an object with ``torque(state, reference)``, and with
-``restart()`` if it has a memory. ``construct`` wraps it in ``Watched``, so that its exceptions and
-results never reach an arm unchecked.
+``restart()`` if it has a memory. ``construct`` wraps it in ``CheckedController``, so that its
+exceptions and results never reach an arm unchecked.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, all_finite, read_only
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.controller import Checked, Controller, Moving, checked
+from arm_dynamics.control.controller import ArmState, CheckedState, Controller, checked
 from arm_dynamics.control.law import Law, Parts, Wrapper
 from arm_dynamics.exceptions import (
     ControllerFailed,
@@ -34,7 +34,7 @@ from arm_dynamics.exceptions import (
 )
 from arm_dynamics.trajectory.reference import Reference
 
-_NOT_OWN = re.compile(f".*importlib|{re.escape(str(Path(__file__).parents[1]))}/")
+_LIBRARY_FILE = re.compile(f".*importlib|{re.escape(str(Path(__file__).parents[1]))}/")
 # A controller class, or a function that returns a controller; see ``make_controller``
 Maker = Callable[..., Any]
 
@@ -80,9 +80,9 @@ def load_controller(name: str) -> Maker:
     return maker
 
 
-def construct(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
+def construct(maker: Maker, offered: Mapping[str, Any], n: int) -> CheckedController:
     """Construct a user-defined controller with those of the offered arguments that it takes."""
-    name = label(maker)
+    name = maker_name(maker)
     if not callable(maker):
         instead = "a name or a class is expected; objects are for Simulator(…).run(duration, …)"
         raise InvalidInput(f"controller = {maker!r}: {instead}")
@@ -100,21 +100,21 @@ def construct(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
         raise
     except Exception as error:
         raise InvalidInput(f"controller {name} cannot be made: {_cause(error)}") from error
-    return Watched(control, name, n)
+    return CheckedController(control, name, n)
 
 
-def label(maker: Maker) -> str:
+def maker_name(maker: Maker) -> str:
     """The name of a class or function, for messages."""
     return str(getattr(maker, "__name__", type(maker).__name__))
 
 
-def takes(maker: Maker, argument: str) -> bool:
+def accepts(maker: Maker, argument: str) -> bool:
     """Whether a class or function takes an argument of this name."""
     return argument in inspect.signature(maker).parameters
 
 
 @sealed
-class Watched(Wrapper):
+class CheckedController(Wrapper):
     """A user-defined controller whose results are checked.
 
     It receives read-only arrays. If it raises, or returns anything but n finite numbers, it has
@@ -173,7 +173,7 @@ class Watched(Wrapper):
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
-        """Its formula as an expression; see ``law.Law``.
+        """The controller's formula as an expression; see ``law.Law``.
 
         Raises:
             KernelError: If it does not take expressions, or its results have wrong shapes.
@@ -203,7 +203,7 @@ class Watched(Wrapper):
         except Exception as error:
             self._fail(f"raised {_cause(error)} when restarted")
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
+    def torque(self, state: ArmState, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], finite, of shape (n,).
 
         Raises:
@@ -214,7 +214,7 @@ class Watched(Wrapper):
         q, v = checked(state, self._n)
         goal = Reference(*map(read_only, (reference.q, reference.v, reference.a)))
         try:
-            tau = self.control.torque(Checked(read_only(q), read_only(v)), goal)
+            tau = self.control.torque(CheckedState(read_only(q), read_only(v)), goal)
         except Exception as error:
             raise self._fail(f"raised {_cause(error)}") from error
         try:
@@ -237,6 +237,6 @@ def _cause(error: Exception) -> str:
     """An exception in one line, with its place in the file of the user."""
     text = " ".join(f"{type(error).__name__}: {error}".split())
     text = text if len(text) <= 300 else text[:299] + "…"
-    own = [x for x in extract_tb(error.__traceback__) if not _NOT_OWN.match(x.filename)]
+    own = [x for x in extract_tb(error.__traceback__) if not _LIBRARY_FILE.match(x.filename)]
     lines = [x.lineno for x in own if x.filename == own[0].filename]
     return f"{text} (line {lines[-1]} of '{own[0].filename}')" if own else text

@@ -62,9 +62,9 @@ class DisturbanceObserver(Wrapper):
         self._memory = still, still, still, np.zeros(1)
         super().restart()
 
-    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
+    def adapt(self, tau: Any, inputs: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """Torque without the disturbance; the memory is r, τ, the integral, and 1 once it runs."""
-        (rigid, q, v, _), (K, dt, limit) = now, tuning
+        (rigid, q, v, _), (K, dt, limit) = inputs, tuning
         r, last, integral, started = memory
         momentum = rigid.mass(q) @ v
         friction = self._friction(v, sign(v), q, last)

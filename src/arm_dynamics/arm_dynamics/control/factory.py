@@ -27,8 +27,8 @@ from arm_dynamics.task_space.axes import chosen_axes
 from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
 
-_STRONGEST = 1e4  # [N]
-_STEADY = 1.5  # of dt times K_d; from 2 on an acceleration that is held swings up
+_LARGEST_FORCE = 1e4  # [N]
+_LARGEST_DAMPING = 1.5  # of dt times K_d; from 2 on an acceleration that is held swings up
 
 
 def _tunable(default: Any, description: str, **about: Any) -> Any:
@@ -83,7 +83,7 @@ class Settings:
         parameter="task_axes",
     )  # fmt: skip
     force: float = _tunable(
-        0.0, "Force with which motion_force presses [N]", low=-_STRONGEST, high=_STRONGEST
+        0.0, "Force with which motion_force presses [N]", low=-_LARGEST_FORCE, high=_LARGEST_FORCE
     )
     direction: tuple[float, ...] = _tunable(
         (0.0, 0.0, -1.0), "Direction of that force in the world",
@@ -115,7 +115,7 @@ class Settings:
         _within("stiffness", self.stiffness, 1e6, "N/m, N m/rad")
         _within("damping", self.damping, 1e5, "N s/m, N m s/rad")
         _within("observer", self.observer, 1e4, "1/s")
-        _within("force", np.abs(numbers("force", self.force)), _STRONGEST, "N")
+        _within("force", np.abs(numbers("force", self.force)), _LARGEST_FORCE, "N")
         unit_vector("force_direction", self.direction, 3)
         try:
             chosen_axes(self.axes)
@@ -140,7 +140,7 @@ def make_controller(
     Args:
         name: One of ``NAMES``, or a user-defined class (see ``Controller``). It is called with
             those of its arguments that are named ``dynamics``, ``settings``, or as one of
-            ``OFFERED``; others must have defaults, and keep them.
+            ``OFFERED_SETTINGS``; others must have defaults, and keep them.
         dynamics: Its model; used from one thread only.
         settings: Its settings.
 
@@ -156,19 +156,19 @@ def make_controller(
         raise InvalidInput(f"settings = {settings!r}; an instance of Settings is expected")
     model_of(dynamics)
     control, limit = _without_extras(name, dynamics, settings), settings.limit
-    own = isinstance(control, custom.Watched)
+    is_user_defined = isinstance(control, custom.CheckedController)
     if settings.friction and (terms := _missing_friction(name, control)):
         control = FrictionFeedForward(control, dynamics.model, terms)
     control = WithAddedTorques(control, dynamics.n)
     if settings.observer:
         control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
-    control = with_code(control, dynamics.model, own)
+    control = with_code(control, dynamics.model, is_user_defined=is_user_defined)
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
 
 
 # Settings that a user-defined controller may take one by one. It gets no others by name: a setting
 # that is added later must not replace a default of its own.
-OFFERED = ("dt", "bandwidth", "damping_ratio", "frame", "axes", "limit")
+OFFERED_SETTINGS = ("dt", "bandwidth", "damping_ratio", "frame", "axes", "limit")
 
 
 def _without_extras(
@@ -176,7 +176,7 @@ def _without_extras(
 ) -> AnyController:
     if not isinstance(name, str):
         offered = {"dynamics": dynamics, "settings": settings}
-        offered |= {key: getattr(settings, key) for key in OFFERED}
+        offered |= {key: getattr(settings, key) for key in OFFERED_SETTINGS}
         return custom.construct(name, offered, dynamics.n)
     if (kind := _KINDS.get(name)) is None:
         raise InvalidInput(f"controller = {name!r}; allowed: {choices(name, _KINDS)}")
@@ -190,12 +190,12 @@ def _missing_friction(name: str | custom.Maker, control: AnyController) -> str |
     """The friction that a controller leaves out; None if that is its own affair."""
     if isinstance(name, str):
         return _KINDS[name].missing_friction
-    assert isinstance(control, custom.Watched)
-    if (terms := control.friction_terms) is None and not custom.takes(name, "settings"):
+    assert isinstance(control, custom.CheckedController)
+    if (terms := control.friction_terms) is None and not custom.accepts(name, "settings"):
         raise InvalidInput(
-            f"friction = True: controller {custom.label(name)} does not say which friction it "
-            "leaves out; allowed with a class attribute friction_terms = 'all', or 'dry' if its "
-            "torques include viscous friction, or with an argument 'settings' of its own"
+            f"friction = True: controller {custom.maker_name(name)} does not say which friction "
+            "it leaves out; allowed with a class attribute friction_terms = 'all', or 'dry' if "
+            "its torques include viscous friction, or with an argument 'settings' of its own"
         )
     return terms
 
@@ -235,7 +235,7 @@ def overreach(name: str | custom.Maker, dynamics: Dynamics, s: Settings, delay: 
 
     ``delay`` is the time in [s] from a state until its torque acts, which is then held for ``dt``.
     """
-    if name == "float" or not (isinstance(name, str) or custom.takes(name, "bandwidth")):
+    if name == "float" or not (isinstance(name, str) or custom.accepts(name, "bandwidth")):
         return ""
     kind = _KINDS.get(name) if isinstance(name, str) else None
     by_force, k, c = _feedback(kind, dynamics, s)
@@ -308,11 +308,11 @@ def _along_joints(
 ) -> AnyController:
     # Held for dt, ë = -2 ζ ω ė takes ė to (1 - 2 ζ ω dt) ė from tick to tick.
     damping = 2.0 * numbers("bandwidth", s.bandwidth) * numbers("damping_ratio", s.damping_ratio)
-    if np.any(damping * s.dt > _STEADY):
+    if np.any(damping * s.dt > _LARGEST_DAMPING):
         raise InvalidInput(
             f"bandwidth = {s.bandwidth!r} with damping_ratio = {s.damping_ratio!r}: a controller "
             f"in task space is steady at {1.0 / s.dt:g} states per second while bandwidth times "
-            f"damping_ratio is at most {0.5 * _STEADY / s.dt:g} rad/s"
+            f"damping_ratio is at most {0.5 * _LARGEST_DAMPING / s.dt:g} rad/s"
         )
     posture = {"posture_bandwidth": s.bandwidth, "friction": s.friction}
     return task_space.AlongJoints(law(task, *gains, s.damping_ratio, **posture), task, s.force)

@@ -71,7 +71,7 @@ class FrictionFeedForward(Wrapper):
         key = super().key
         return None if key is None else (*key, self._viscous)
 
-    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
+    def adapt(self, tau: Any, inputs: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """The controller's torques and friction."""
-        v, q = now.desired.v, now.desired.q
+        v, q = inputs.desired.v, inputs.desired.q
         return tau + friction_feed_forward(self._friction, v, q, tau, self._viscous), memory

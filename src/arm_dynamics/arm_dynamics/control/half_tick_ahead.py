@@ -7,7 +7,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, positive
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.controller import AnyController, Measured, Moving, checked, restart
+from arm_dynamics.control.controller import AnyController, ArmState, Measured, checked, restart
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
@@ -38,7 +38,7 @@ class HalfTickAhead:
         self._last = None
         restart(self._control)
 
-    def torque(self, state: Moving, reference: Any) -> Array:
+    def torque(self, state: ArmState, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
         h, a = self._half, np.zeros_like(v)
@@ -46,6 +46,6 @@ class HalfTickAhead:
             friction = self._friction(v, np.sign(v), q, self._last)
             bias = self._rigid.bias(q, v) + self._rigid.spring(q, v) + friction
             a = self._rigid.mobility(q) @ (self._last - bias)
-        ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)
-        self._last = self._control.torque(ahead, reference)
+        prediction = Measured(q + h * v + 0.5 * h * h * a, v + h * a)
+        self._last = self._control.torque(prediction, reference)
         return self._last.copy()

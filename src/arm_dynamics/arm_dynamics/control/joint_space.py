@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.controller import Moving, checked
+from arm_dynamics.control.controller import ArmState, checked
 from arm_dynamics.control.law import JointLaw, Parts
 from arm_dynamics.control.pole_placement import gain
 from arm_dynamics.dynamics.dynamics import Dynamics, model_of
@@ -19,7 +19,7 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.reference import Reference
 
 
-def pull(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
+def feedback(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
     """K_p e + K_d ė, for numbers and expressions."""
     return kp * (desired.q - q) + kd * (desired.v - v)
 
@@ -46,7 +46,7 @@ class PD(JointLaw):
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
         """τ = K_p e + K_d ė; see ``JointLaw.formula``."""
-        return pull(q, v, desired, *tuning), memory
+        return feedback(q, v, desired, *tuning), memory
 
 
 @sealed
@@ -79,9 +79,9 @@ class PID(JointLaw):
         kp, ki, kd = gain("kp", kp, n), gain("ki", ki, n), gain("kd", kd, n)
         if np.any((kp == 0.0) & (ki > 0.0)):
             raise InvalidInput(f"kp is {kp}; allowed: positive where ki is positive")
-        per_tick = ki * positive("dt", dt)
-        back = np.minimum(np.divide(per_tick, kp, out=np.zeros(n), where=kp > 0.0), 1.0)
-        self.tuning = kp, kd, per_tick, back, positive_limits("limit", limit, n)
+        integral_gain = ki * positive("dt", dt)
+        back_gain = np.minimum(np.divide(integral_gain, kp, out=np.zeros(n), where=kp > 0.0), 1.0)
+        self.tuning = kp, kd, integral_gain, back_gain, positive_limits("limit", limit, n)
         self.restart()
 
     @property
@@ -97,10 +97,10 @@ class PID(JointLaw):
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
         """Torques, and the integral with back-calculation; see ``JointLaw.formula``."""
-        (kp, kd, per_tick, back, limit), (integral,) = tuning, memory
-        unlimited = pull(q, v, desired, kp, kd) + integral
+        (kp, kd, integral_gain, back_gain, limit), (integral,) = tuning, memory
+        unlimited = feedback(q, v, desired, kp, kd) + integral
         tau = clipped(unlimited, limit)
-        return tau, (integral + per_tick * (desired.q - q) + back * (tau - unlimited),)
+        return tau, (integral + integral_gain * (desired.q - q) + back_gain * (tau - unlimited),)
 
 
 @sealed
@@ -116,7 +116,7 @@ class GravityCompensation(JointLaw):
         super().__init__(model.n, model)
         self.tuning = (gain("damping", damping, model.n),)
 
-    def torque(self, state: Moving, reference: Any = None) -> Array:
+    def torque(self, state: ArmState, reference: Any = None) -> Array:
         """Return joint torques in [N m] or [N], shape (n,); the reference is ignored."""
         q, v = checked(state, self._n)
         return np.asarray(self.formula(self._rigid, q, v, reference, self.tuning, ())[0])
@@ -148,7 +148,7 @@ class PDGravity(PD):
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
         """τ = G(q) + S(q, 0) + K_p e + K_d ė; see ``JointLaw.formula``."""
-        return rigid.standing(q) + pull(q, v, desired, *tuning), memory
+        return rigid.standing(q) + feedback(q, v, desired, *tuning), memory
 
 
 @sealed
@@ -171,8 +171,8 @@ class FeedForwardPD(PD):
     ) -> tuple[Any, Parts]:
         """τ = ID(q_d, q̇_d, q̈_d) + K_p e + K_d ė; see ``JointLaw.formula``."""
         *gains, viscous = tuning
-        ahead = rigid.frictionless(desired.q, desired.v, desired.a) + viscous * desired.v
-        return ahead + pull(q, v, desired, *gains), memory
+        feed_forward = rigid.frictionless(desired.q, desired.v, desired.a) + viscous * desired.v
+        return feed_forward + feedback(q, v, desired, *gains), memory
 
 
 @sealed
@@ -201,7 +201,7 @@ class JointImpedance(JointLaw):
         """
         model = model_of(dynamics)
         super().__init__(model.n, model)
-        self._by_ratio = damping is None
+        self._has_damping_ratio = damping is None
         ratio = 2.0 * gain("damping_ratio", damping_ratio, model.n)
         resistance = ratio if damping is None else gain("damping", damping, model.n)
         self.tuning = gain("stiffness", stiffness, model.n), resistance, model.viscous
@@ -209,15 +209,15 @@ class JointImpedance(JointLaw):
     @property
     def key(self) -> tuple[Any, ...]:
         """What the formula depends on besides the model."""
-        return type(self), self._by_ratio
+        return type(self), self._has_damping_ratio
 
     def formula(
         self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
     ) -> tuple[Any, Parts]:
         """τ = M q̈_d + C q̇_d + G + S + F_v + K e + D ė; see ``JointLaw.formula``."""
         (K, D, viscous), M, C = tuning, rigid.mass(q), rigid.coriolis(q, v)
-        if self._by_ratio:
+        if self._has_damping_ratio:
             D = D * root(K * diagonal(M))
-        ahead = M @ desired.a + C @ desired.v + rigid.gravity(q)
-        ahead = ahead + rigid.spring(q, desired.v) + viscous * desired.v
-        return ahead + pull(q, v, desired, K, D), memory
+        feed_forward = M @ desired.a + C @ desired.v + rigid.gravity(q)
+        feed_forward = feed_forward + rigid.spring(q, desired.v) + viscous * desired.v
+        return feed_forward + feedback(q, v, desired, K, D), memory

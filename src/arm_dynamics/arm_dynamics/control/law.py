@@ -8,7 +8,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.controller import Moving, checked, restart
+from arm_dynamics.control.controller import ArmState, checked, restart
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.trajectory.reference import Reference
@@ -53,7 +53,7 @@ class Law(Protocol):
 
     memory: tuple[Array, ...]
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
+    def torque(self, state: ArmState, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,); see ``Controller.torque``."""
 
     def formula(
@@ -66,8 +66,8 @@ class Law(Protocol):
             q: Joint positions.
             v: Joint velocities.
             desired: The reference.
-            tuning: As the attribute.
-            memory: Likewise.
+            tuning: The attribute, arrays or expressions.
+            memory: The attribute, likewise.
 
         Returns:
             Expressions. Torques may not be numbers in states that only ``torque`` can treat.
@@ -95,7 +95,7 @@ class JointLaw:
         """What the formula depends on besides the model; see ``Law``."""
         return (type(self),)
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
+    def torque(self, state: ArmState, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n, reference)
         tau, memory = self.formula(self._rigid, q, v, reference, self.tuning, self.memory)
@@ -110,9 +110,10 @@ class JointLaw:
 
 
 class Wrapper:
-    """A wrapper of a controller, which changes its torques, by a formula for both.
+    """A wrapper of a controller, which changes its torques by a formula.
 
-    It is a ``Law`` if the controller is one. Numbers and memory of its own come first.
+    It is a ``Law`` if the controller is one; its tuning and memory then are the wrapper's own,
+    followed by the controller's.
 
     Attributes:
         control: The controller.
@@ -127,8 +128,8 @@ class Wrapper:
         self._rigid = None if robot is None else RigidTerms(robot)
         self.name = name_of(control)
 
-    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
-        """Torques in place of the controller's, and the memory for the next call.
+    def adapt(self, tau: Any, inputs: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
+        """Torques in place of the controller's, and the wrapper's memory for the next call.
 
         For numbers and expressions; ``tuning`` and ``memory`` are the wrapper's own.
         """
@@ -138,12 +139,12 @@ class Wrapper:
         """Let the controller forget the past."""
         restart(self.control)
 
-    def torque(self, state: Moving, reference: Any) -> Array:
+    def torque(self, state: ArmState, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
         tau = self.control.torque(state, reference)
-        now = LawInput(self._rigid, q, v, reference)
-        tau, memory = self.changed(tau, now, self._tuning, self._memory)
+        inputs = LawInput(self._rigid, q, v, reference)
+        tau, memory = self.adapt(tau, inputs, self._tuning, self._memory)
         self._memory = tuple(memory)
         return np.array(tau)
 
@@ -159,7 +160,7 @@ class Wrapper:
 
     @property
     def memory(self) -> tuple[Array, ...]:
-        """Its memory."""
+        """Numbers that it remembers from one call to the next."""
         return (*self._memory, *(() if self._law is None else self._law.memory))
 
     @memory.setter
@@ -175,7 +176,7 @@ class Wrapper:
         """The controller's formula, changed; see ``Law``."""
         i, k = len(self._tuning), len(self._memory)
         tau, after = self._law.formula(rigid, q, v, desired, tuning[i:], memory[k:])
-        tau, own = self.changed(tau, LawInput(rigid, q, v, desired), tuning[:i], memory[:k])
+        tau, own = self.adapt(tau, LawInput(rigid, q, v, desired), tuning[:i], memory[:k])
         return tau, (*own, *after)
 
 

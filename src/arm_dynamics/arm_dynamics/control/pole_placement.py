@@ -10,11 +10,12 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import postures
 
 # Largest bandwidth in [rad/s], beyond anything that a torque can follow
-FASTEST = 1e6
+TOP_BANDWIDTH = 1e6
 # Gain margin that is sensible: with so many times its gains a loop is still stable
 MARGIN = 2.0
 _POSTURES = 200  # over which inertia is averaged
-_STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
+# Largest dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
+_LARGEST_DAMPING = 1.5
 
 
 def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array, Array]:
@@ -32,8 +33,8 @@ def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array
         InvalidInput: If a gain has a wrong shape or value.
     """
     omega = gain("bandwidth", bandwidth, n)
-    if np.any(omega > FASTEST):
-        raise InvalidInput(f"bandwidth is {bandwidth!r}; allowed: at most {FASTEST:g} rad/s")
+    if np.any(omega > TOP_BANDWIDTH):
+        raise InvalidInput(f"bandwidth is {bandwidth!r}; allowed: at most {TOP_BANDWIDTH:g} rad/s")
     return omega**2, 2.0 * gain("damping_ratio", damping_ratio, n) * omega
 
 
@@ -110,7 +111,7 @@ def typical_inertia(dynamics: Dynamics, damping: ArrayLike) -> tuple[Array, floa
     m = np.asarray(M.diagonal(0, 1, 2).mean(0))
     scale = np.sqrt(np.asarray(damping) * m)
     greatest = float(np.linalg.eigvalsh(scale[:, None] * np.linalg.inv(M) * scale).max())
-    return m, min(1.0, _STABLE / greatest) if greatest > 0.0 else 1.0
+    return m, min(1.0, _LARGEST_DAMPING / greatest) if greatest > 0.0 else 1.0
 
 
 def gain(name: str, value: ArrayLike, n: int) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array, positive
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.controller import AnyController, Moving, Restartable, restart
+from arm_dynamics.control.controller import AnyController, ArmState, Restartable, restart
 from arm_dynamics.exceptions import InvalidInput
 
 
@@ -73,7 +73,7 @@ class Switch:
         self._last, self._offset, self._left = None, None, 0
         restart(self._active)
 
-    def torque(self, state: Moving, reference: Any) -> Array:
+    def torque(self, state: ArmState, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         tau = self._active.torque(state, reference)
         if self._last is None:

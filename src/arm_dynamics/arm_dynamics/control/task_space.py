@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
 from arm_dynamics.attributes import sealed
-from arm_dynamics.control.controller import Controller, Moving, checked
+from arm_dynamics.control.controller import ArmState, Controller, checked
 from arm_dynamics.control.friction_compensation import friction_feed_forward
 from arm_dynamics.control.law import Parts
 from arm_dynamics.control.pole_placement import gain, gains
@@ -34,20 +34,20 @@ TaskController = Controller[TaskReference]
 class _TaskLaw:
     """A controller by a formula of the task's motion."""
 
-    _arm: _Arm
+    _dynamics: _TaskDynamics
     tuning: tuple[Array, ...]
 
     @property
     def key(self) -> tuple[Any, ...] | None:
         """What the formula depends on besides the task; see ``law.Law``."""
-        return None if self._arm.key is None else (type(self).__name__, *self._arm.key)
+        return None if self._dynamics.key is None else (type(self).__name__, *self._dynamics.key)
 
-    def torque(self, state: Moving, reference: TaskReference) -> Array:
+    def torque(self, state: ArmState, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        now = self._arm.state(state, reference)
-        return np.asarray(self.demanded(now, reference, self.tuning))
+        inputs = self._dynamics.inputs(state, reference)
+        return np.asarray(self.task_law(inputs, reference, self.tuning))
 
-    def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+    def task_law(self, inputs: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
         raise NotImplementedError
 
@@ -80,14 +80,14 @@ class OperationalSpace(_TaskLaw):
         Raises:
             InvalidInput: If a number has a wrong shape or value, or the axes are others.
         """
-        self._arm = _Arm(task, posture, posture_bandwidth, friction)
-        self.tuning = *self._arm.tuning, *gains(bandwidth, damping_ratio, task.m)
+        self._dynamics = _TaskDynamics(task, posture, posture_bandwidth, friction)
+        self.tuning = *self._dynamics.tuning, *gains(bandwidth, damping_ratio, task.m)
 
-    def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+    def task_law(self, inputs: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
-        *arms, kp, kd = tuning
-        desired = now.ahead + kd * now.rate + kp * now.error
-        return self._arm.torque(now, reference, desired, arms)
+        *posture_gains, kp, kd = tuning
+        desired = inputs.acceleration + kd * inputs.error_rate + kp * inputs.error
+        return self._dynamics.torque(inputs, reference, desired, posture_gains)
 
 
 @sealed
@@ -108,7 +108,7 @@ class MotionForce(_TaskLaw):
         Raises:
             InvalidInput: If the direction is zero or not among the task's axes, and as there.
         """
-        self._arm = _Arm(task, posture, posture_bandwidth, friction)
+        self._dynamics = _TaskDynamics(task, posture, posture_bandwidth, friction)
         kp, kd = gains(bandwidth, damping_ratio, task.m)
         u = unit_vector("direction", direction, 3)
         along = np.concatenate([u, np.zeros(3)])[task.rows]
@@ -116,15 +116,15 @@ class MotionForce(_TaskLaw):
             raise InvalidInput(f"direction = {u} is not among the axes of the task, {task.axes}")
         square = np.outer(along, along)
         across, brake = np.eye(task.m) - square, (kd @ along**2) * square
-        self.tuning = *self._arm.tuning, kp, kd, along, across, brake
+        self.tuning = *self._dynamics.tuning, kp, kd, along, across, brake
 
-    def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+    def task_law(self, inputs: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
-        *arms, kp, kd, along, across, brake = tuning
-        desired = now.ahead + kd * now.rate + kp * now.error
-        desired = across @ desired - brake @ now.arm.velocity
-        moving = self._arm.torque(now, reference, desired, arms)
-        return moving + now.arm.J.T @ (reference.force * along)
+        *posture_gains, kp, kd, along, across, brake = tuning
+        desired = inputs.acceleration + kd * inputs.error_rate + kp * inputs.error
+        desired = across @ desired - brake @ inputs.arm.velocity
+        motion_torque = self._dynamics.torque(inputs, reference, desired, posture_gains)
+        return motion_torque + inputs.arm.J.T @ (reference.force * along)
 
 
 @sealed
@@ -156,25 +156,26 @@ class CartesianImpedance(_TaskLaw):
         Raises:
             InvalidInput: If a number has a wrong shape or value, or the axes are others.
         """
-        self._arm = _Arm(task, posture, posture_bandwidth, friction)
-        self._by_ratio = damping is None
+        self._dynamics = _TaskDynamics(task, posture, posture_bandwidth, friction)
+        self._has_damping_ratio = damping is None
         ratio = 2.0 * gain("damping_ratio", damping_ratio, task.m)
         resistance = ratio if damping is None else gain("damping", damping, task.m)
-        self.tuning = *self._arm.tuning, gain("stiffness", stiffness, task.m), resistance
+        self.tuning = *self._dynamics.tuning, gain("stiffness", stiffness, task.m), resistance
 
     @property
     def key(self) -> tuple[Any, ...] | None:
         """See ``law.Law``."""
         key = super().key
-        return None if key is None else (*key, self._by_ratio)
+        return None if key is None else (*key, self._has_damping_ratio)
 
-    def demanded(self, now: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+    def task_law(self, inputs: TaskInput, reference: TaskReference, tuning: Sequence[Any]) -> Any:
         """The torque, for numbers and expressions."""
-        *arms, K, D = tuning
-        if self._by_ratio:
-            D = D * root(K * axis_masses(now.arm.A, now.arm.inertia))
-        force = K * now.error + D * now.rate
-        return self._arm.torque(now, reference, now.ahead, arms) + now.arm.J.T @ force
+        *posture_gains, K, D = tuning
+        if self._has_damping_ratio:
+            D = D * root(K * axis_masses(inputs.arm.A, inputs.arm.inertia))
+        force = K * inputs.error + D * inputs.error_rate
+        tau = self._dynamics.torque(inputs, reference, inputs.acceleration, posture_gains)
+        return tau + inputs.arm.J.T @ force
 
 
 @sealed
@@ -210,14 +211,14 @@ class AlongJoints:
         reference = TaskReference(position, rotation, velocity, acceleration, force, desired.q)
         *parts, bound = state(q, v)
         arm = TaskInstant._make(parts)
-        turn = rotation_vector(reference.rotation @ arm.rotation.T)
-        error = ca.vertcat(reference.position - arm.position, turn)[task.rows]
-        rate = reference.velocity[task.rows] - arm.velocity
-        now = TaskInput(q, v, arm, error, rate, reference.acceleration[task.rows])
-        tau = control.demanded(now, reference, gains_of_task)
+        rotation_error = rotation_vector(reference.rotation @ arm.rotation.T)
+        error = ca.vertcat(reference.position - arm.position, rotation_error)[task.rows]
+        error_rate = reference.velocity[task.rows] - arm.velocity
+        inputs = TaskInput(q, v, arm, error, error_rate, reference.acceleration[task.rows])
+        tau = control.task_law(inputs, reference, gains_of_task)
         return ca.if_else(bound < 1.0 / task.threshold, tau, np.nan), memory
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
+    def torque(self, state: ArmState, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         return self._control.torque(state, task_reference(self._task, reference, self._force))
 
@@ -249,20 +250,20 @@ class TaskInput(NamedTuple):
         v: Joint velocities, shape (n,).
         arm: The arm.
         error: Error of the pose, shape (m,).
-        rate: Error of the velocity, likewise.
-        ahead: Acceleration of the reference, likewise.
+        error_rate: Error of the velocity, likewise.
+        acceleration: Acceleration of the reference, likewise.
     """
 
     q: Any
     v: Any
     arm: Any
     error: Any
-    rate: Any
-    ahead: Any
+    error_rate: Any
+    acceleration: Any
 
 
-class _Arm:
-    """Common parts of task controllers."""
+class _TaskDynamics:
+    """What all task controllers share: errors of the frame, and torques with the posture."""
 
     def __init__(
         self, task: TaskSpace, posture: ArrayLike | None, bandwidth: ArrayLike, friction: bool
@@ -278,26 +279,27 @@ class _Arm:
         """What its part of a formula depends on; None where the posture is given."""
         return (self._friction is not None,) if self._posture is None else None
 
-    def state(self, state: Moving, reference: TaskReference) -> TaskInput:
+    def inputs(self, state: ArmState, reference: TaskReference) -> TaskInput:
+        """Errors of a measured state, and the arm's terms there."""
         q, v = checked(state, self._task.n)
         arm, rows = self._task.instant(q, v), self._task.rows
-        turn = pin.log3(reference.rotation @ arm.rotation.T)
-        error = np.concatenate([reference.position - arm.position, turn])
-        rate = reference.velocity[rows] - arm.velocity
-        return TaskInput(q, v, arm, error[rows], rate, reference.acceleration[rows])
+        rotation_error = pin.log3(reference.rotation @ arm.rotation.T)
+        error = np.concatenate([reference.position - arm.position, rotation_error])
+        error_rate = reference.velocity[rows] - arm.velocity
+        return TaskInput(q, v, arm, error[rows], error_rate, reference.acceleration[rows])
 
     def torque(
-        self, now: TaskInput, reference: TaskReference, desired: Any, tuning: Sequence[Any]
+        self, inputs: TaskInput, reference: TaskReference, desired: Any, tuning: Sequence[Any]
     ) -> Any:
         """Torque for a desired acceleration of the frame, with the posture in the null space."""
-        arm, (kp, kd) = now.arm, tuning
+        arm, (kp, kd) = inputs.arm, tuning
         goal = self._posture if reference.posture is None else reference.posture
-        a = -kd * now.v
+        a = -kd * inputs.v
         if goal is not None:
-            a = a + kp * (goal - now.q)
+            a = a + kp * (goal - inputs.q)
         force = arm.inertia @ (desired - arm.drift - arm.J @ a)
         tau = arm.M @ a + arm.bias + arm.J.T @ force
         if self._friction is not None:
             joint_velocity = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
-            tau = tau + friction_feed_forward(self._friction, joint_velocity, now.q, tau)
+            tau = tau + friction_feed_forward(self._friction, joint_velocity, inputs.q, tau)
         return tau

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wrappers of a controller: limits, and torques of the reference."""
+"""What surrounds a controller: limits of its torques, and torques of the reference."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, positive_limits
 from arm_dynamics.attributes import sealed
 from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
-from arm_dynamics.control.controller import AnyController, Moving, added_torques, restart
+from arm_dynamics.control.controller import AnyController, ArmState, added_torques, restart
 from arm_dynamics.control.law import LawInput, Parts, Wrapper
 from arm_dynamics.trajectory.reference import Reference
 
@@ -20,7 +20,9 @@ class Saturated:
     """Clips torques at limits and reports it.
 
     Clipping a joint's torque changes the direction of the arm's acceleration: a controller that
-    cancels the dynamics loses its error equation while ``saturated`` is true anywhere.
+    cancels the dynamics loses its error equation while ``saturated`` is true anywhere. Compiled
+    code applies the limits after its law (``CompiledLaw.limit``): they are in no formula, so this
+    is no ``Wrapper``.
 
     Attributes:
         control: The controller.
@@ -32,7 +34,7 @@ class Saturated:
         self._unlimited = np.zeros(n)
 
     @property
-    def asked(self) -> Array:
+    def unlimited_torque(self) -> Array:
         """Last torque of the controller, before the limits, shape (n,)."""
         return self._unlimited.copy()
 
@@ -52,7 +54,7 @@ class Saturated:
         inner = np.inf if law.limit is None else law.limit
         return replace(law, limit=np.minimum(self._limit, inner))
 
-    def torque(self, state: Moving, reference: Any) -> Array:
+    def torque(self, state: ArmState, reference: Any) -> Array:
         """Return joint torques within the limits in [N m] or [N], shape (n,)."""
         self._unlimited = self.control.torque(state, reference)
         # As ``equations.elementary.clipped``; np.clip takes three times as long.
@@ -62,11 +64,11 @@ class Saturated:
 class WithAddedTorques(Wrapper):
     """A joint controller with the torques of the reference added."""
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
+    def torque(self, state: ArmState, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         tau, added = self.control.torque(state, reference), added_torques(reference, self._n)
         return tau if added is None else np.asarray(tau + added)
 
-    def changed(self, tau: Any, now: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
+    def adapt(self, tau: Any, inputs: LawInput, tuning: Parts, memory: Parts) -> tuple[Any, Parts]:
         """The controller's torques and the reference's."""
-        return tau + now.desired.tau, memory
+        return tau + inputs.desired.tau, memory

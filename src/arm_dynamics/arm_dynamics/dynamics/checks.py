@@ -19,11 +19,11 @@ from arm_dynamics.terms.verify import CHECK_STATES, CHECK_TOLERANCE, compare, ra
 # Condition number of constraints above which a position is skipped if others are better
 WELL_CONDITIONED = 1e4
 # Largest amplification of rounding errors, in multiples of the condition number
-ROUNDINGS = 100.0
+ROUNDING_FACTOR = 100.0
 # Fraction of the largest accelerations across constraints that is never taken for a whole one
-ROUNDED = 1e-9
+ROUNDING_SHARE = 1e-9
 # Largest allowance for rounding: an error of 1e-7 never passes, whatever the condition number
-MOST_SLACK = 1e3
+LARGEST_SLACK = 1e3
 
 Acceleration = Callable[[Array, Array, Array], Array]
 
@@ -52,7 +52,7 @@ def check_forward(dynamics: Dynamics, acceleration: Acceleration) -> float:
     return verify(numbers, FORWARD, (), values, names)
 
 
-def sliding(v: Array) -> Array:
+def sliding_directions(v: Array) -> Array:
     """Directions in which joints slide, 1 or -1, shape of ``v``.
 
     A joint that constraints leave no speed is compared as if it began to slide, not as one that
@@ -74,40 +74,40 @@ def check_constrained(dynamics: Dynamics, acceleration: Acceleration) -> float:
     """
     closure = Closure(dynamics.model, dynamics.model.stops)
     names = closure.initially_active
-    kept = is_independent(closure.rows, names, dynamics.model.constraint_rows)
-    q, v, tau, condition = closed_states(closure, dynamics.model.q0, kept)
+    independent = is_independent(closure.rows, names, dynamics.model.constraint_rows)
+    q, v, tau, condition = closed_states(closure, dynamics.model.q0, independent)
     M = _mass_matrices(dynamics, q)
     a = _accelerations(acceleration, q, v, tau)
     rows = [closure.rows.stacked(*state, names) for state in zip(q, v, strict=True)]
-    A = np.array([row.jacobian[kept] for row in rows])
-    drift = np.array([row.drift[kept] for row in rows])
+    A = np.array([row.jacobian[independent] for row in rows])
+    drift = np.array([row.drift[independent] for row in rows])
     # A gear's loss depends on the drive's torque, not on what the constraints leave of it.
-    friction = dynamics.friction(v, direction=sliding(v), q=q, load=tau)
-    lacking, at_rest = (
+    friction = dynamics.friction(v, direction=sliding_directions(v), q=q, load=tau)
+    deficit, deficit_at_rest = (
         tau - friction - dynamics.inverse(q, v, acceleration, terms=Term.ALL ^ Term.FRICTION)
         for acceleration in (a, np.zeros_like(q))
     )
-    free = np.linalg.solve(M, at_rest[..., None])[..., 0]
+    free = np.linalg.solve(M, deficit_at_rest[..., None])[..., 0]
     summands = times(abs(A), abs(a) + abs(free)) + abs(drift)
     basis = np.linalg.qr(transposed(A))[0]
-    reaction = times(basis, times(transposed(basis), lacking))
-    allowance, rounded = slack(condition)[:, None], ROUNDED * summands.max(initial=0.0)
+    reaction = times(basis, times(transposed(basis), deficit))
+    allowance, floor = slack(condition)[:, None], ROUNDING_SHARE * summands.max(initial=0.0)
     return compare(
         "constrained dynamics",
-        (times(A, a) + drift, allowance * np.maximum(summands, rounded)),
-        (lacking - reaction, allowance * torque_size(M, a, tau, lacking)),
+        (times(A, a) + drift, allowance * np.maximum(summands, floor)),
+        (deficit - reaction, allowance * torque_size(M, a, tau, deficit)),
     )
 
 
 def closed_states(
-    closure: Closure, start: Array, kept: Sequence[bool]
+    closure: Closure, start: Array, independent: Sequence[bool]
 ) -> tuple[Array, Array, Array, Array]:
     """Deterministic states to compare at that satisfy the initially active constraints.
 
     Args:
         closure: Closure of the arm.
         start: Position from which to sample, shape (n,).
-        kept: Independent rows of those constraints, which imply the others.
+        independent: Independent rows of those constraints, which imply the others.
 
     Returns:
         Positions, velocities and torques, shape (k, n), and the condition number of the rows in
@@ -115,10 +115,10 @@ def closed_states(
     """
     n, names = len(start), closure.initially_active
     places = closure.sample_positions(start, names) if names else list(random_states(n, 1)[0])
-    rows = [closure.rows.stacked(q, 0.0 * q, names).jacobian[kept] for q in places]
+    rows = [closure.rows.stacked(q, 0.0 * q, names).jacobian[independent] for q in places]
     factors = [closure.factors(q, A, len(A)) for q, A in zip(places, rows, strict=True)]
     condition = np.ones(len(places))
-    if count := sum(kept):  # infinite where fewer rows are independent
+    if count := sum(independent):  # infinite where fewer rows are independent
         condition[:] = [f.s[0] / f.s[-1] if len(f.s) == count else np.inf for f in factors]
     repeats = -(-CHECK_STATES // len(places))
     states = [
@@ -132,8 +132,8 @@ def closed_states(
 
 def slack(condition: Array) -> Array:
     """Multiple of ``CHECK_TOLERANCE`` allowed for rounding, by condition number; at least 1."""
-    rounding = ROUNDINGS * np.finfo(float).eps * condition
-    return np.clip(rounding / CHECK_TOLERANCE, 1.0, MOST_SLACK)
+    rounding = ROUNDING_FACTOR * np.finfo(float).eps * condition
+    return np.clip(rounding / CHECK_TOLERANCE, 1.0, LARGEST_SLACK)
 
 
 def _mass_matrices(dynamics: Dynamics, q: Array) -> Array:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.attributes import sealed
-from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.gauss import constrained_motion, times, transposed
+from arm_dynamics.dynamics.stiction import States, Stiction
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loops.loop_closure import Closure
@@ -43,7 +43,7 @@ class Constrained:
     def __init__(self, model: ArmModel, terms: TermEvaluator) -> None:
         self.model, self._terms, self.closure = model, terms, Closure(model, model.stops)
         self._friction = SteadyFriction.of(model)
-        self._at_rest = AtRest(self._friction)
+        self._stiction = Stiction(self._friction)
 
     @property
     def m(self) -> int:
@@ -66,7 +66,7 @@ class Constrained:
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of τ = M a + C v + G + S + F + Aᵀλ under A a + Ȧ v = 0.
 
-        Joints at rest that dry friction holds remain at rest: see ``at_rest``.
+        Joints at rest that dry friction holds remain at rest: see ``stiction``.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n); the constraints should be
@@ -86,19 +86,19 @@ class Constrained:
         shape, names = q.shape, self.closure.active_names(active)
         q, v, tau = np.atleast_2d(q, v, tau)
         a, lam = self._sliding(q, v, tau, names, external)
-        rows = np.flatnonzero(self._at_rest.resting(v).any(axis=1))
+        rows = np.flatnonzero(self._stiction.resting(v).any(axis=1))
         if len(rows):
             q, v, tau = q[rows], v[rows], tau[rows]
             M, bias, A, drift = self._equations(q, v, names)
             rank = self._rank(names, q[0])
-            points = Points(q, v, tau, M, bias - external, A, drift, rank)
-            a[rows], lam[np.ix_(rows, np.isin(self.names, names))] = self._at_rest.motion(points)
+            states = States(q, v, tau, M, bias - external, A, drift, rank)
+            a[rows], lam[np.ix_(rows, np.isin(self.names, names))] = self._stiction.motion(states)
         return a.reshape(shape), lam.reshape(*shape[:-1], self.m)
 
     def without_sticking(
         self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
-        """As ``forward``, with the static friction of joints at rest included in ``tau``."""
+        """Accelerations and λ as of ``forward``; ``tau`` includes static friction at rest."""
         shape, names = q.shape, self.closure.active_names(active)
         q, v, tau = np.atleast_2d(q, v, tau)
         a, lam = self._sliding(q, v, tau, names)
@@ -131,7 +131,7 @@ class Constrained:
         rows = self._terms(CONSTRAINT_ROWS, q, 0.0 * q, selection=(self.closure.rows.names,))
         reaction = times(transposed(rows[..., :-1]), multipliers)
         frictionless = self._terms(INVERSE, q, v, a, WITHOUT_FRICTION) + reaction - external
-        return np.asarray(self._friction.demanded(frictionless, v, np.sign(v), q))
+        return np.asarray(self._friction.overcome(frictionless, v, np.sign(v), q))
 
     def _sliding(
         self, q: Array, v: Array, tau: Array, names: tuple[str, ...], external: Array | float = 0.0

@@ -18,10 +18,10 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, each, finite_answer, vectors
 from arm_dynamics.attributes import check_arguments, sealed
 from arm_dynamics.codegen.python_call import PythonCall
-from arm_dynamics.dynamics.at_rest import AtRest, Points
-from arm_dynamics.dynamics.built import arm_model
+from arm_dynamics.dynamics.arm_models import arm_model
 from arm_dynamics.dynamics.constrained import Constrained
 from arm_dynamics.dynamics.contact_torque import contact_torque
+from arm_dynamics.dynamics.stiction import States, Stiction
 from arm_dynamics.exceptions import ARM, InvalidInput, degrees_meant
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.frame_motion import check_frame
@@ -39,7 +39,7 @@ LARGE = 1e50  # vectors up to which no term overflows
 CHECKED_POSITIONS = 100
 
 
-def unanswered(*_: object) -> None:
+def no_answer(*_: object) -> None:
     """No code answers."""
 
 
@@ -68,7 +68,7 @@ def _method_of(entry: Entry) -> Callable[..., Array]:
             arguments = bound(self, *arguments, **named)
         vectors, frame = arguments[:-1], arguments[-1]
         of_names: dict[Any, PythonCall] = self._calls[entry]
-        call = of_names.get(frame, unanswered) if type(frame) is str else unanswered
+        call = of_names.get(frame, no_answer) if type(frame) is str else no_answer
         result = call(*vectors)
         return self._answer(entry, vectors, (frame,), call) if result is None else result
 
@@ -81,7 +81,7 @@ def _method_of(entry: Entry) -> Callable[..., Array]:
 
 
 # What external torques and active constraints change
-_OF_THE_ARM_ALONE = dict.fromkeys((INVERSE, FORWARD), unanswered)
+_WITHOUT_CODE = dict.fromkeys((INVERSE, FORWARD), no_answer)
 
 
 @sealed
@@ -90,8 +90,8 @@ class Dynamics:
 
     Every method takes vectors of shape (n,) or batches of shape (k, n) in the order of
     ``joint_names`` and returns results of the same kind; ``InvalidInput`` is raised where they
-    overflow. Source of the algorithms: Featherstone,
-    Rigid Body Dynamics Algorithms, 2008, as implemented by Pinocchio.
+    overflow. Source of the algorithms: Featherstone, Rigid Body Dynamics Algorithms, 2008, as
+    implemented by Pinocchio.
 
     Args:
         scene: A scene, anything ``load_scene`` accepts, or an existing arm model.
@@ -120,16 +120,16 @@ class Dynamics:
         self.command_map = CommandMap(self.model)
         self._terms = TermEvaluator(self.model, self.steady_friction)
         self._numbers = self._terms.numbers
-        self._at_rest = AtRest(self.steady_friction)
-        self._external, self._still = np.zeros(self.n), np.zeros(self.n)
+        self._stiction = Stiction(self.steady_friction)
+        self._external, self._zeros = np.zeros(self.n), np.zeros(self.n)
         self._active: Collection[str] | None = None
-        self._alone = True  # no external torques and other active constraints
-        self._regular = False  # checked when accelerations are first requested
-        self._silent = not self.model.massless  # warns when torques are first requested
+        self._is_alone = True  # no external torques and other active constraints
+        self._is_regular = False  # checked when accelerations are first requested
+        self._is_warned = not self.model.massless  # warns when torques are first requested
         self._turning = self.model.turning
         self._checks_left = CHECKED_POSITIONS
-        self._turn_only = self.model.coordinates_are_joints and bool(self._turning.all())
-        self._calls: dict[Entry, Any] = {x: {} if x.selectors else unanswered for x in TERMS}
+        self._all_turn = self.model.coordinates_are_joints and bool(self._turning.all())
+        self._calls: dict[Entry, Any] = {x: {} if x.selectors else no_answer for x in TERMS}
 
     def __repr__(self) -> str:
         """Its arm."""
@@ -160,8 +160,8 @@ class Dynamics:
         """
         other = copy(self)
         (other._external,), other._active = vectors(self.joint_names, external=external), active
-        other._alone = False
-        other._calls = self._calls | _OF_THE_ARM_ALONE
+        other._is_alone = False
+        other._calls = self._calls | _WITHOUT_CODE
         return other
 
     def of_motions(self) -> Self:
@@ -211,8 +211,8 @@ class Dynamics:
             else compiled.get((entry, ()), old)
             for entry, old in self._calls.items()
         }
-        if not self._alone:
-            other._calls |= _OF_THE_ARM_ALONE
+        if not self._is_alone:
+            other._calls |= _WITHOUT_CODE
         return other
 
     def _answer(
@@ -220,22 +220,22 @@ class Dynamics:
         entry: Entry,
         arguments: Sequence[Any],
         selection: tuple[Any, ...] = (),
-        call: PythonCall = unanswered,
+        call: PythonCall = no_answer,
         otherwise: Callable[..., Array] | None = None,
-        quick: bool = True,
+        is_quick: bool = True,
     ) -> Array:
         """An entry at vectors, or at each row of batches, that ``call`` has not answered.
 
         Args:
             entry: The entry.
-            arguments: Its first arguments.
-            selection: Those that are not numbers.
-            call: Code of it.
-            otherwise: Computes it of valid vectors, if a ``TermEvaluator`` alone does not.
-            quick: Whether that alone does for single states.
+            arguments: Arguments of the entry that are numbers.
+            selection: Arguments of the entry that are not numbers.
+            call: Code of the entry.
+            otherwise: Computes the entry of valid vectors where its formula alone does not.
+            is_quick: Whether the formula alone computes single states.
         """
-        quick = quick and call is unanswered and self._silent and not self._checks_left
-        if quick and self._are_plain(entry, arguments):
+        is_quick = is_quick and call is no_answer and self._is_warned and not self._checks_left
+        if is_quick and self._are_plain(entry, arguments):
             result: Array = entry.formula(self._numbers, *arguments, *selection)
             if result.ndim == 2 or -LARGE < sum(result.tolist()) < LARGE:
                 return result
@@ -243,7 +243,7 @@ class Dynamics:
             check_frame(self.model, frame, self.model.frame_names)
         checked = self._checked(entry, arguments)
         answer = otherwise or partial(self._terms, entry, selection=selection)
-        if call is unanswered or (checked[0].ndim == 2 and len(checked[0]) >= MANY):
+        if call is no_answer or (checked[0].ndim == 2 and len(checked[0]) >= MANY):
             return finite_answer(answer(*checked))
 
         def one(*state: Array) -> Array:
@@ -257,7 +257,7 @@ class Dynamics:
 
         Values of motions of joints that all turn are not checked: torques show what is not finite.
         """
-        shape, unchecked = self._still.shape, entry is INVERSE and self._turn_only
+        shape, unchecked = self._zeros.shape, entry is INVERSE and self._all_turn
         for x in arguments:
             if type(x) is not np.ndarray or x.dtype is not _FLOAT or x.shape != shape:
                 return False
@@ -270,8 +270,8 @@ class Dynamics:
 
         Warns once of angles that are probably degrees, and of an arm without mass.
         """
-        if not self._silent and entry in (INVERSE, table.GRAVITY):
-            self._silent = True
+        if not self._is_warned and entry in (INVERSE, table.GRAVITY):
+            self._is_warned = True
             _log.warning("robot '%s': %s", self.model.pin.name, MASSLESS)
         checked = vectors(self.joint_names, **dict(zip(entry.arguments, arguments, strict=False)))
         if self._checks_left:
@@ -306,11 +306,11 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
         """
         whole = terms is _ALL or (type(terms) is int and terms == _ALL)
-        if whole and self._alone:
+        if whole and self._is_alone:
             call: PythonCall = self._calls[INVERSE]
             result = call(q, v, a)
             return self._answer(INVERSE, (q, v, a), (), call) if result is None else result
-        external = self._external if whole else self._still
+        external = self._external if whole else self._zeros
         state = self._checked(INVERSE, (q, v, a))
         return finite_answer(self._terms(INVERSE, *state, _factors(terms), external))
 
@@ -346,31 +346,31 @@ class Dynamics:
         call: PythonCall = self._calls[FORWARD]
         if (result := call(q, v, tau)) is not None:
             return result
-        quick = self._alone and self._regular and not self.model.scene.bilateral
-        if quick and self.steady_friction.joints.has_dry:  # a joint at rest may stick
-            quick = isinstance(v, np.ndarray) and 0.0 not in v.tolist()
-        return self._answer(FORWARD, (q, v, tau), (), call, self._forward, quick)
+        is_quick = self._is_alone and self._is_regular and not self.model.scene.bilateral
+        if is_quick and self.steady_friction.joints.has_dry:  # a joint at rest may stick
+            is_quick = isinstance(v, np.ndarray) and 0.0 not in v.tolist()
+        return self._answer(FORWARD, (q, v, tau), (), call, self._forward, is_quick)
 
     def _forward(self, q: Array, v: Array, tau: Array) -> Array:
-        """The same of valid vectors, by Pinocchio."""
+        """Accelerations as of ``forward``, of valid vectors, by Pinocchio."""
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau, self._active, self._external)[0]
         self._check_regular()
         a = self._terms(FORWARD, q, v, tau, self._external)
-        rows = self._at_rest.resting(v).any(axis=-1)
+        rows = self._stiction.resting(v).any(axis=-1)
         if rows.any():
             q, v, tau = (np.atleast_2d(x)[np.atleast_1d(rows)] for x in (q, v, tau))
             bias = self._terms(INVERSE, q, v, 0.0 * v, WITHOUT_FRICTION, self._external)
             none, M = np.zeros((len(q), 0, self.n)), self._terms(table.MASS_MATRIX, q)
-            points = Points(q, v, tau, M, bias, none, none[..., 0], 0)
-            a[rows] = self._at_rest.motion(points)[0]
+            states = States(q, v, tau, M, bias, none, none[..., 0], 0)
+            a[rows] = self._stiction.motion(states)[0]
         return a
 
     def _check_regular(self) -> None:
-        if not self._regular:
+        if not self._is_regular:
             M = self._terms(table.MASS_MATRIX, some_positions(self.n))
             check_regular(M, self.joint_names)
-            self._regular = True
+            self._is_regular = True
 
     @cached_property
     def constrained(self) -> Constrained:
@@ -416,7 +416,7 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
         """
         call: PythonCall = self._calls[table.SPRING]
-        state = q, self._still if v is None else v
+        state = q, self._zeros if v is None else v
         if (result := call(*state)) is not None:
             return result
         none = None if self.model.springs else lambda q, v: np.zeros(np.broadcast(q, v).shape)
@@ -448,7 +448,7 @@ class Dynamics:
             raise InvalidInput("friction depends on the position in this scene: q is expected")
         if direction is None and load is None:
             call: PythonCall = self._calls[table.FRICTION]
-            state = self._still if q is None else q, v
+            state = self._zeros if q is None else q, v
             if (result := call(*state)) is not None:
                 return result
             unloaded = self.steady_friction
@@ -459,8 +459,8 @@ class Dynamics:
             self.joint_names,
             v=v,
             direction=v if direction is None else direction,
-            q=self._still if q is None else q,
-            load=self._still if load is None else load,
+            q=self._zeros if q is None else q,
+            load=self._zeros if load is None else load,
         )
         return finite_answer(self.steady_friction(v, np.sign(direction), q, load))
 

@@ -31,13 +31,13 @@ def constrained_motion(
     """
     C = cholesky(M)
     U, s, Vt = np.linalg.svd(whitened(C, A), full_matrices=False)
-    counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < rank)
-    inverted = np.divide(1.0, s, out=np.zeros_like(s), where=counted)
+    independent = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < rank)
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=independent)
     x = np.linalg.solve(C, forces[..., None])[..., 0]
-    required = inverted * times(transposed(U), -drift)
-    lacking = required - counted * times(Vt, x)
-    a = np.linalg.solve(transposed(C), (x + times(transposed(Vt), lacking))[..., None])
-    return a[..., 0], -times(U, lacking * inverted)
+    required = inverse * times(transposed(U), -drift)
+    correction = required - independent * times(Vt, x)
+    a = np.linalg.solve(transposed(C), (x + times(transposed(Vt), correction))[..., None])
+    return a[..., 0], -times(U, correction * inverse)
 
 
 def times(matrices: Array, vectors: Array) -> Array:

@@ -134,7 +134,7 @@ def _(constraint: kinds.PointConstraint, kinematics: Kinematics) -> ca.SX:
 @_residual.register
 def _(constraint: kinds.FrameConstraint, kinematics: Kinematics) -> ca.SX:
     R, u = kinematics.relative(constraint)
-    return ca.vertcat(u, _turned(R, constraint.rpy))
+    return ca.vertcat(u, _rotation_error(R, constraint.rpy))
 
 
 @_residual.register
@@ -154,7 +154,7 @@ def _(constraint: kinds.DistanceConstraint, kinematics: Kinematics) -> ca.SX:
     return (ca.sumsqr(u) - length**2) / (2 * length)
 
 
-def _turned(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
+def _rotation_error(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
     """Rotation error of R from roll, pitch, yaw: 2 sin(θ/2) along the axis, in the second frame.
 
     It grows with the angle up to half a revolution, so Newton's method takes the short way.
@@ -178,8 +178,8 @@ def _slip(constraint: kinds.RollingConstraint, kinematics: Kinematics) -> ca.SX:
         axle = R @ sparse(np.array(constraint.axle))
         steepest = ca.dot(normal, axle) * axle - normal
         down = steepest / ca.sqrt(ca.fmax(ca.sumsqr(steepest), HALF_TURN))
-    touching = u_dot + constraint.radius * cross(omega, down)
-    return sparse(across(constraint.normal)) @ touching
+    contact_velocity = u_dot + constraint.radius * cross(omega, down)
+    return sparse(across(constraint.normal)) @ contact_velocity
 
 
 def across(direction: Sequence[float] | Array) -> Array:

@@ -24,6 +24,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.factorizations import lu
 from arm_dynamics.equations.rigid_body import Placement, placements
 from arm_dynamics.equations.tree import (
     Tree,
@@ -46,10 +47,10 @@ DAMPING, REFINEMENTS = 1e-8, 2
 # well: that of a light body does not soften the contacts of a heavy one beside it.
 OWN_DAMPING = 1e-5
 # A row whose mobility is below this fraction of the trace cannot move: it is rounding.
-IMMOBILE = 1e-20
+LEAST_MOBILITY = 1e-20
 # Number of rows above which forces are computed by a matrix of the size of M, if that is smaller,
 # and the multiple used there: forces of eight contacts are a thousand times closer to least norm.
-MANY_ROWS, MOTION_DAMPING = 9, 1e-10
+ROW_LIMIT, MOTION_DAMPING = 9, 1e-10
 # Tangential speed in [m/s] below which a contact is at rest: its direction is rounding.
 AT_REST = 1e-9
 
@@ -247,12 +248,12 @@ class Delassus:
         B: Accelerations of the joints per force, M⁻¹ Aᵀ, shape (n, m).
 
     Attributes:
-        B: As given.
+        B: Accelerations of the joints per force, as given.
         W: Acceleration of the contacts per force on them, A M⁻¹ Aᵀ, in [1/kg], shape (m, m).
     """
 
     def __init__(self, A: ca.SX, B: ca.SX) -> None:
-        self._many = A.shape[0] > max(MANY_ROWS, A.shape[1])
+        self._many = A.shape[0] > max(ROW_LIMIT, A.shape[1])
         self._A, self.B, self.W = A, B, symmetric(A @ B) if self._many else A @ B
         self._scale = _scales(ca.sparsify(self.W))
 
@@ -290,14 +291,16 @@ class Delassus:
         K = R @ self.W @ D
         unused = ca.diag(1 - rows)
         damping = ca.diag(DAMPING * self._scale + 1e-30)  # not zero where all contacts are open
-        factors = lu(K + damping @ R + unused)
-        y = lu_solve(factors, required)
+        factors = lu.factorize(K + damping @ R + unused)
+        y = lu.solve(factors, required)
         for _ in range(REFINEMENTS):
-            y = y + lu_solve(factors, required - (K + unused) @ y)
+            y = y + lu.solve(factors, required - (K + unused) @ y)
         return y
 
     def _of_motions(self, required: ca.SX, Y: ca.SX, X: ca.SX) -> ca.SX:
-        """The same by a matrix of the size of M: K = X Y has the inverse X (Y X)⁻² Y in its range.
+        """Unknown forces by a matrix of the size of M.
+
+        In its range, K = X Y has the inverse X (Y X)⁻² Y.
 
         (X Y + ε)⁻¹ X = X (Y X + ε)⁻¹, as multiplying out shows (Henderson and Searle, "On deriving
         the inverse of a sum of matrices", SIAM Review 23, 1981). Rows are scaled such that one ε
@@ -306,11 +309,11 @@ class Delassus:
         trace = ca.sum1(ca.diag(self.W)) + 1e-200
         root = ca.sqrt(trace / (self._scale + 1e-200))
         X, Y, required = ca.diag(root) @ X, Y @ ca.diag(root), root * required
-        factors = lu(Y @ X + (MOTION_DAMPING * trace + 1e-30) * ca.SX.eye(X.shape[1]))
+        factors = lu.factorize(Y @ X + (MOTION_DAMPING * trace + 1e-30) * ca.SX.eye(X.shape[1]))
         y = ca.SX(required.shape[0], 1)
         for _ in range(1 + REFINEMENTS):
-            motion = lu_solve(factors, Y @ (required - X @ (Y @ y)))
-            y = y + X @ lu_solve(factors, motion)
+            motion = lu.solve(factors, Y @ (required - X @ (Y @ y)))
+            y = y + X @ lu.solve(factors, motion)
         return root * y
 
 
@@ -323,8 +326,8 @@ def _scales(W: ca.SX) -> ca.SX:
     mobility = ca.densify(ca.diag(W))
     total = ca.sum1(mobility)
     trace = ca.SX(_coupled(W)) @ mobility
-    trace = ca.if_else(trace > IMMOBILE * total, trace, total)
-    own = ca.if_else(mobility > IMMOBILE * total, mobility, trace)
+    trace = ca.if_else(trace > LEAST_MOBILITY * total, trace, total)
+    own = ca.if_else(mobility > LEAST_MOBILITY * total, mobility, trace)
     return ca.fmin(trace, OWN_DAMPING / DAMPING * own)
 
 
@@ -345,26 +348,3 @@ def grips(points: list[ContactPoint], W: ca.SX, speed: ca.SX, mode: Mode) -> ca.
     D = shares(points, speed, mode)
     own = [W[3 * k, 3 * k : 3 * k + 3] @ D[3 * k : 3 * k + 3, 3 * k] for k in range(len(points))]
     return ca.vertcat(*own)
-
-
-def lu(A: ca.SX) -> ca.SX:
-    """Factors of A = L U in one matrix, without pivoting; L has a unit diagonal."""
-    F = ca.SX(A)
-    for k in range(F.shape[0]):
-        for i in range(k + 1, F.shape[0]):
-            F[i, k] = F[i, k] / F[k, k]
-            F[i, k + 1 :] = F[i, k + 1 :] - F[i, k] * F[k, k + 1 :]
-    return F
-
-
-def lu_solve(F: ca.SX, b: ca.SX) -> ca.SX:
-    """Solve L U x = b for the factors of ``lu``."""
-    x = ca.densify(ca.SX(b))
-    for i in range(F.shape[0]):
-        for j in range(i):
-            x[i] -= F[i, j] * x[j]
-    for i in reversed(range(F.shape[0])):
-        for j in range(i + 1, F.shape[0]):
-            x[i] -= F[i, j] * x[j]
-        x[i] = x[i] / F[i, i]
-    return x

@@ -148,7 +148,7 @@ class _Composite:
 def inverse_derivatives(
     tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Derivatives of ``rigid_body.inverse`` by q, v and a; the last is M.
+    """Derivatives of ``rigid_body.inverse_dynamics`` by q, v and a; the last is M.
 
     Args:
         tree: The robot.
@@ -170,7 +170,7 @@ def inverse_derivatives(
         changes = [joint.placed_in(world) for joint, world in zip(joints, worlds, strict=True)]
     by_q, by_v, M = (ca.SX(len(links), len(links)) for _ in range(3))
     for i in reversed(range(len(links))):
-        row, place, speed = _of_joint(bodies[i], joints[i], links[i])
+        row, place, speed = _joint_terms(bodies[i], joints[i], links[i])
         if not in_links:
             world = worlds[i]
             row, place, speed = world.row(row), world.wrench(place), world.wrench(speed)
@@ -227,7 +227,7 @@ def _body(link: Link, omega: ca.SX, alpha: ca.SX, c: ca.SX) -> _Composite:
     return _Composite(link.m, link.h, link.I, P, Q, _Wrench(ca.sparsify(f), ca.sparsify(n)))
 
 
-def _of_joint(body: _Composite, joint: _Joint, link: Link) -> tuple[_Change, _Wrench, _Wrench]:
+def _joint_terms(body: _Composite, joint: _Joint, link: Link) -> tuple[_Change, _Wrench, _Wrench]:
     """The row of a joint's torque, and the changes of its wrench by its position and speed."""
     place, z = body.response(joint.place), ca.sparsify(ca.SX([0, 0, 1]))
     turned = cross(z, body.wrench.f)

@@ -80,7 +80,7 @@ def hybrid(
         tau: Joint torques in [N m] or [N], shape (n,).
         gravity: Gravity in the world frame in [m/s²], shape (3,).
         free: 1 for a joint that torques accelerate, 0 for one with prescribed acceleration.
-        prescribed: Those accelerations, zero for free joints, shape (n,).
+        prescribed: Prescribed accelerations, zero for free joints, shape (n,).
 
     Returns:
         Joint accelerations, and the torques to subtract from ``tau`` where they are prescribed,
@@ -94,9 +94,9 @@ def hybrid(
         link = tree.links[i]
         joints[i] = _joint(tree, i, bodies[i], velocity[i], v[i], prescribed[i], tau[i], free[i])
         if link.parent >= 0:
-            _hand_down(bodies[link.parent], bodies[i], joints[i], pose[i])
-    a, lacking = _accelerations(tree, pose, joints, gravity)
-    return a + prescribed, (1 - free) * lacking
+            _add_to_parent(bodies[link.parent], bodies[i], joints[i], pose[i])
+    a, deficit = _accelerations(tree, pose, joints, gravity)
+    return a + prescribed, (1 - free) * deficit
 
 
 def _velocities(tree: Tree, pose: list[Placement], v: ca.SX) -> list[Twist]:
@@ -144,7 +144,7 @@ def _joint(
     return _Joint(U_f, U_n, D + armature, u, ca.sparsify(c_f), ca.sparsify(c_n), free)
 
 
-def _hand_down(parent: _Body, body: _Body, joint: _Joint, pose: Placement) -> None:
+def _add_to_parent(parent: _Body, body: _Body, joint: _Joint, pose: Placement) -> None:
     """Add to the parent the articulated inertia and bias of the body behind the joint."""
     s_f, s_n = joint.free * (joint.U_f / joint.D), joint.free * (joint.U_n / joint.D)
     A = symmetric(body.A - s_f @ joint.U_f.T)
@@ -168,18 +168,18 @@ def _accelerations(
 ) -> tuple[ca.SX, ca.SX]:
     """Accelerations of free joints, and the excess or deficit of each joint's torque."""
     z = ca.sparsify(ca.SX([0, 0, 1]))
-    a, lacking = ca.SX(len(tree.links), 1), ca.SX(len(tree.links), 1)
+    a, deficit = ca.SX(len(tree.links), 1), ca.SX(len(tree.links), 1)
     spatial = list[Twist]()
     for i, link in enumerate(tree.links):
         R, p, joint = pose[i].R, pose[i].p, joints[i]
         lin, ang = spatial[link.parent] if link.parent >= 0 else (-gravity, ca.SX(3, 1))
         lin = R.T @ (lin + cross(ang, p)) + joint.c_f
         ang = R.T @ ang + joint.c_n
-        lacking[i] = joint.u - joint.U_f.T @ lin - joint.U_n.T @ ang
-        a[i] = joint.free * (lacking[i] / joint.D)
+        deficit[i] = joint.u - joint.U_f.T @ lin - joint.U_n.T @ ang
+        a[i] = joint.free * (deficit[i] / joint.D)
         lin, ang = (lin + a[i] * z, ang) if link.prismatic else (lin, ang + a[i] * z)
         spatial.append((lin, ang))
-    return a, lacking
+    return a, deficit
 
 
 Law = Callable[[Tree, ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]

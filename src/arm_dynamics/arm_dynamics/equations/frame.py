@@ -41,7 +41,7 @@ def placement(tree: Tree, frame: Frame, q: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Position in [m], shape (3,), and rotation, shape (3, 3), of a frame in the world."""
     if frame.link < 0:
         return constant(frame.p), constant(frame.R)
-    R, p = _placed(tree, q)[frame.link]
+    R, p = _link_placements(tree, q)[frame.link]
     return p + R @ constant(frame.p), R @ constant(frame.R)
 
 
@@ -68,7 +68,7 @@ def jacobian(tree: Tree, frame: Frame, q: ca.SX) -> ca.SX:
     A revolute joint with axis z and origin o gives the column (z x (p - o), z), a prismatic one
     (z, 0) (Craig, Introduction to Robotics, section 5.7).
     """
-    placed, (p, _) = _placed(tree, q), placement(tree, frame, q)
+    placed, (p, _) = _link_placements(tree, q), placement(tree, frame, q)
     J = ca.SX(6, len(tree.links))
     i = frame.link
     while i >= 0:
@@ -113,12 +113,12 @@ def relative(
     first, second = frames
     a, b = (ca.SX(ca.DM(point)) for point in points)
     common = common_link(tree, first.link, second.link)
-    R_a, p_a = _carried(tree, pose, first, ca.sparsify(a), common)
-    R_b, p_b = _carried(tree, pose, second, ca.sparsify(b), common)
+    R_a, p_a = _in_carrier(tree, pose, first, ca.sparsify(a), common)
+    R_b, p_b = _in_carrier(tree, pose, second, ca.sparsify(b), common)
     return ca.sparsify(R_b.T @ R_a), ca.sparsify(R_b.T @ (p_a - p_b))
 
 
-def _carried(
+def _in_carrier(
     tree: Tree, pose: Sequence[rigid_body.Placement], frame: Frame, point: ca.SX, ancestor: int
 ) -> tuple[ca.SX, ca.SX]:
     """Rotation of a frame, and a point of it, in the axes of a link that carries it."""
@@ -130,7 +130,7 @@ def _carried(
     return R, p
 
 
-def _placed(tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+def _link_placements(tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
     """Rotation and origin of every link in the world."""
     placed: list[tuple[ca.SX, ca.SX]] = []
     for link, here in zip(tree.links, rigid_body.placements(tree, q), strict=True):

@@ -11,12 +11,12 @@ whose condition number is that of the rows squared, is never formed.
 
 import casadi as ca
 
-from arm_dynamics.equations.rigid_body import eliminated, factored, substituted
+from arm_dynamics.equations.factorizations import ltdl
 
 # Below this fraction of the largest row, the new component of a row is rounding.
 DEPENDENT = 1e-9
 # Entries of A below this, in m or 1, are rounding.
-NOTHING = 1e-13
+ROUNDING = 1e-13
 # Below this fraction the robot passes a singular position, where rounding rotates the directions
 # of possible motion: there, a row's effect on accelerations fades out, and velocities are kept.
 SINGULAR = 1e-5
@@ -32,17 +32,17 @@ class Metric:
     """
 
     def __init__(self, M: ca.SX) -> None:
-        self._factors = factored(M)
+        self._factors = ltdl.factorize(M)
         self._root = 1 / ca.sqrt(ca.diag(self._factors))
         self.mobility = ca.sumsqr(self._root)
 
     def of_forces(self, forces: ca.SX) -> ca.SX:
         """D^-½ L^-ᵀ f for columns of generalized forces, shape (n, k)."""
-        return ca.sparsify(ca.diag(self._root) @ eliminated(self._factors, forces))
+        return ca.sparsify(ca.diag(self._root) @ ltdl.solve_upper(self._factors, forces))
 
     def motion(self, x: ca.SX) -> ca.SX:
         """Acceleration, velocity or displacement L⁻¹ D^-½ x, shape (n,)."""
-        return substituted(self._factors, self._root * x)
+        return ltdl.solve_lower(self._factors, self._root * x)
 
 
 class Projector:
@@ -61,7 +61,7 @@ class Projector:
         largest = ca.SX(0)
         for size in sizes:
             largest = ca.fmax(largest, size)
-        self._least = least**2 * largest + NOTHING**2 * metric.mobility + _TINY
+        self._least = least**2 * largest + ROUNDING**2 * metric.mobility + _TINY
         self._singular = SINGULAR**2 * largest + _TINY
         self._overlap: list[list[ca.SX]] = []
         self._sizes: list[ca.SX] = []
@@ -85,12 +85,12 @@ class Projector:
 
         The multiplier of a dependent row is zero.
         """
-        nearest, reached, shares = x, list[ca.SX](), list[ca.SX]()
+        nearest, components, shares = x, list[ca.SX](), list[ca.SX]()
         for k in range(b.shape[0]):
             y, w = self._rows[k], b[k]
             for j, r in enumerate(self._overlap[k]):
-                w = w - r * reached[j]
-            reached.append(self._gains[k] * self._sizes[k] * w)
+                w = w - r * components[j]
+            components.append(self._gains[k] * self._sizes[k] * w)
             shares.append(self._gains[k] * w - self._bars[k] * ca.dot(y, nearest))
             nearest = nearest + y * shares[k]
         for k in reversed(range(len(shares))):

@@ -9,6 +9,7 @@ is faster for long chains.
 
 import casadi as ca
 
+from arm_dynamics.equations.factorizations import ltdl
 from arm_dynamics.equations.tree import Link, Tree, constant, cross, moved, skew, spread_map
 
 
@@ -45,7 +46,7 @@ def motion(
         tree: The robot.
         pose: Placements of all links.
         v: Velocities of all links' joints in [rad/s] or [m/s].
-        a: Their accelerations.
+        a: Accelerations of all links' joints in [rad/s²] or [m/s²].
         gravity: Gravity in the world frame in [m/s²], shape (3,), counted as an acceleration of
             the ground upwards.
     """
@@ -70,7 +71,7 @@ def motion(
     return omega, alpha, acc
 
 
-def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
+def inverse_dynamics(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
     """Torques M a + C v + G of a tree, by recursive Newton-Euler.
 
     Args:
@@ -166,67 +167,14 @@ def forward_dense(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX) ->
 
     M is computed by the composite-rigid-body algorithm and factored as LᵀDL.
     """
-    bias = inverse(tree, q, v, ca.SX(v.shape[0], 1), gravity)
-    return solve(mass_matrix(tree, q), tau - bias)
+    bias = inverse_dynamics(tree, q, v, ca.SX(v.shape[0], 1), gravity)
+    return ltdl.solve(mass_matrix(tree, q), tau - bias)
 
 
 def gravity_torque(tree: Tree, q: ca.SX, gravity: ca.SX) -> ca.SX:
     """Gravity torques G(q) in [N m] or [N] that balance the arm's weight, shape (n,)."""
     still = ca.SX(q.shape[0], 1)
-    return inverse(tree, q, still, still, gravity)
-
-
-def solve(M: ca.SX, b: ca.SX) -> ca.SX:
-    """Solve M x = b for symmetric positive definite M by M = LᵀDL from the leaves down.
-
-    Eliminating leaves first preserves the zeros of M due to branches (Featherstone, Rigid Body
-    Dynamics Algorithms, 2008, section 6.5).
-    """
-    F = factored(M)
-    x = eliminated(F, b)
-    for k in range(M.shape[0]):
-        x[k] = x[k] / F[k, k]
-    return substituted(F, x)
-
-
-def solve_columns(M: ca.SX, B: ca.SX) -> ca.SX:
-    """Solve M X = B for every column; common subexpressions are computed once (``cse``)."""
-    return ca.horzcat(*[solve(M, column) for column in ca.horzsplit(B)])
-
-
-def factored(M: ca.SX) -> ca.SX:
-    """L and D of M = LᵀDL in one matrix: D on the diagonal, L (unit diagonal omitted) below it."""
-    F = ca.SX(M)
-    for k in reversed(range(M.shape[0])):
-        for i in reversed(range(k)):
-            if not F.sparsity().has_nz(k, i):
-                continue
-            factor = F[k, i] / F[k, k]
-            for j in range(i + 1):
-                if F.sparsity().has_nz(k, j):
-                    F[i, j] = F[i, j] - factor * F[k, j]
-            F[k, i] = factor
-    return F
-
-
-def eliminated(F: ca.SX, b: ca.SX) -> ca.SX:
-    """L^-ᵀ b for the factors of M and columns b of shape (n, k)."""
-    x = ca.SX(b)
-    for k in reversed(range(F.shape[0])):
-        for i in reversed(range(k)):
-            if F.sparsity().has_nz(k, i):
-                x[i, :] = x[i, :] - F[k, i] * x[k, :]
-    return x
-
-
-def substituted(F: ca.SX, b: ca.SX) -> ca.SX:
-    """L⁻¹ b for the factors of M and a vector b of shape (n,)."""
-    x = ca.SX(b)
-    for k in range(F.shape[0]):
-        for i in range(k):
-            if F.sparsity().has_nz(k, i):
-                x[k] = x[k] - F[k, i] * x[i]
-    return x
+    return inverse_dynamics(tree, q, still, still, gravity)
 
 
 def _angular_tensor(omega: ca.SX, alpha: ca.SX) -> ca.SX:

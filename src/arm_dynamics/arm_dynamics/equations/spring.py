@@ -155,8 +155,8 @@ def energy(springs: Springs, tree: Tree, q: ca.SX) -> ca.SX:
 def frictionless(
     springs: Springs, tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
 ) -> ca.SX:
-    """Torques M a + C v + G + S, shape (n,); see ``rigid_body.inverse``."""
-    return rigid_body.inverse(tree, q, v, a, gravity) + torque(springs, tree, q, v)
+    """Torques M a + C v + G + S, shape (n,); see ``rigid_body.inverse_dynamics``."""
+    return rigid_body.inverse_dynamics(tree, q, v, a, gravity) + torque(springs, tree, q, v)
 
 
 def _parts(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:

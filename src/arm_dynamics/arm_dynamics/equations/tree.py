@@ -23,9 +23,9 @@ from arm_dynamics.equations.elementary import Quantity
 
 # Products of rotations by multiples of 90 degrees leave rounding errors, which would prevent the
 # simplification of factors.
-DIRT = 1e-15
+ROUNDING = 1e-15
 # Inverse of the size below which they are less than that.
-SMALL = 1e3
+LEAST_RATIO = 1e3
 
 
 @dataclass
@@ -162,7 +162,7 @@ def clean(values: Array, size: float = 1.0) -> Array:
     """
     cleaned = np.array(values)
     for exact in (0.0, 1.0, -1.0):
-        cleaned[abs(cleaned - exact) < DIRT * min(1.0, SMALL * size)] = exact
+        cleaned[abs(cleaned - exact) < ROUNDING * min(1.0, LEAST_RATIO * size)] = exact
     return cleaned
 
 

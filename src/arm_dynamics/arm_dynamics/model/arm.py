@@ -33,7 +33,7 @@ class ArmModel(Robot):
         effort_limit: Torque limits at rest in [N m] or [N], inf if unlimited, shape (n,).
         command_unit: Unit of each joint's command: ``N m``, ``N``, ``A`` or ``V``.
         command_limit: Command limits in those units, inf if unlimited, shape (n,).
-        standing_limit: The same of joints at rest, whose motors a voltage limit bounds as well.
+        standing_limit: Command limits of joints at rest, where a voltage bounds motors, too.
         velocity_limit: Speed limits in [rad/s] or [m/s], inf if unlimited, shape (n,).
         stops: Ranges of the joints and the stops at their ends.
         position_lower: Lower limits in [rad] or [m], shape (n,).
@@ -108,9 +108,9 @@ class ArmModel(Robot):
     def _armature_and_friction(
         self, joints: Mapping[str, Joint]
     ) -> tuple[Array, list[FrictionSource]]:
-        """Of all moving joints, from the scene, else from the URDF.
+        """Armature and friction of all moving joints, from the scene, else from the URDF.
 
-        Those of a follower act through its leader.
+        A follower's act through its leader.
         """
         drives, whole = dict(zip(self.joint_names, self.drives, strict=True)), self.whole
         armature, friction, index = [], list[FrictionSource](), velocity_index(whole)

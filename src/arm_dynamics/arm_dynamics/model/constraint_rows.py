@@ -69,9 +69,9 @@ class ConstraintRows:
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._data = robot, pin.Data(robot.pin)
-        listed = robot.scene.bilateral
-        self.constraints, self.places = tuple(listed.values()), tuple(listed)
-        self.names = tuple(kinds.label(constraint, i) for i, constraint in listed.items())
+        constraints = robot.scene.bilateral
+        self.constraints, self.places = tuple(constraints.values()), tuple(constraints)
+        self.names = tuple(kinds.label(constraint, i) for i, constraint in constraints.items())
         for name, constraint in zip(self.names, self.constraints, strict=True):
             if isinstance(constraint, kinds.CouplingConstraint):
                 continue
@@ -134,21 +134,21 @@ class ConstraintRows:
         index = model.frame_index(name)
         M, still = data.oMf[index], np.zeros(3)
         if model.pin.frames[index].parentJoint == 0:
-            nothing = np.zeros((3, model.n))
-            place = _Derivatives(M.act(np.array(point)), nothing, still, still)
-            return place, _Derivatives(still, nothing, still, still), M.rotation.copy()
+            no_motion = np.zeros((3, model.n))
+            place = _Derivatives(M.act(np.array(point)), no_motion, still, still)
+            return place, _Derivatives(still, no_motion, still, still), M.rotation.copy()
         J = model.gather(pin.getFrameJacobian(model.pin, data, index, _ALIGNED).reshape(6, -1))
         v = pin.getFrameVelocity(model.pin, data, index, _ALIGNED)
         a = pin.getFrameClassicalAcceleration(model.pin, data, index, _ALIGNED)
         r = M.rotation @ np.array(point)
         w, alpha = v.angular.copy(), a.angular.copy()
-        moved = _Derivatives(
+        point_motion = _Derivatives(
             M.translation + r,
             J[:3] - pin.skew(r) @ J[3:],
             v.linear + _cross(w, r),
             a.linear + _cross(alpha, r) + _cross(w, _cross(w, r)),
         )
-        return moved, _Derivatives(still, J[3:], w, alpha), M.rotation.copy()
+        return point_motion, _Derivatives(still, J[3:], w, alpha), M.rotation.copy()
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -180,7 +180,7 @@ def _(constraint: kinds.PointConstraint, rows: ConstraintRows, q: Array) -> Row:
 @_row.register
 def _(constraint: kinds.FrameConstraint, rows: ConstraintRows, q: Array) -> Row:
     u, turn, R = rows.relative(constraint)
-    w = _turned(R, turn, pin.rpy.rpyToMatrix(*constraint.rpy))
+    w = _rotation_error(R, turn, pin.rpy.rpyToMatrix(*constraint.rpy))
     return Row(np.r_[u.value, w.value], np.vstack([u.J, w.J]), np.r_[u.drift, w.drift])
 
 
@@ -221,7 +221,7 @@ def _(constraint: kinds.RollingConstraint, rows: ConstraintRows, q: Array) -> Ro
     return Row(np.zeros(2), T @ (u.J - r * pin.skew(down) @ turn.J), T @ drift)
 
 
-def _turned(R: Array, turn: _Derivatives, target: Array) -> _Derivatives:
+def _rotation_error(R: Array, turn: _Derivatives, target: Array) -> _Derivatives:
     """2 sin(θ/2) along the axis, in the second frame: twice the quaternion's vector part."""
     quaternion = pin.Quaternion(target.T @ R).coeffs()
     x = 2 * np.copysign(1.0, quaternion[3]) * target @ quaternion[:3]

@@ -75,7 +75,7 @@ class Links:
         return self._transforms(self._fixed)
 
     def transforms(self) -> Array:
-        """The same for each of ``moving``."""
+        """Position [m] and quaternion of each of ``moving`` in its parent, shape (k, 7)."""
         return self._transforms(self._moving)
 
     def _transforms(self, pairs: list[tuple[int, int]]) -> Array:

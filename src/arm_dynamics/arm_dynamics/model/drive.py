@@ -130,8 +130,7 @@ def drives_of(
         SceneError: If the keys of a drive contradict one another, or a mimic joint has a drive.
     """
     for name in followers:
-        own = scene.joints.get(name)
-        if own is None:
+        if (own := scene.joints.get(name)) is None:
             continue
         servo = own.servo if own.servo.model_fields_set else None
         for key, part in (("actuator", own.actuator or own.transmission), ("servo", servo)):

@@ -21,8 +21,8 @@ class MovingFrame(NamedTuple):
     """A frame at a position and velocity of the joints.
 
     Attributes:
-        position: Of its origin in the world in [m], shape (3,).
-        rotation: From its axes to the world's, shape (3, 3).
+        position: Position of its origin in the world in [m], shape (3,).
+        rotation: Rotation from its axes to the world's, shape (3, 3).
         jacobian: J, shape (6, n).
         jacobian_rate: J̇, shape (6, n).
     """
@@ -57,7 +57,7 @@ class FrameMotion:
     def placement(self, q: Array) -> tuple[Array, Array]:
         """Position in [m], shape (3,), and rotation, shape (3, 3), of the frame in the world."""
         pin.forwardKinematics(self._pin, self._data, self._robot.configuration(q))
-        return self._placed()
+        return self._placement()
 
     def pose(self, q: Array) -> Array:
         """Homogeneous transformation from the frame's axes to the world's, shape (4, 4)."""
@@ -81,16 +81,16 @@ class FrameMotion:
         """J of shape (6, n), linear rows first: velocity of the frame is J v."""
         full = self._robot.configuration(q)
         J = pin.computeFrameJacobian(self._pin, self._data, full, self._frame, self._reference)
-        return self._gathered(J)
+        return self._gather(J)
 
     def moving(self, q: Array, v: Array) -> MovingFrame:
         """The frame, its Jacobian and its rate."""
         model, data, frame = self._pin, self._data, (self._frame, self._reference)
         full = self._robot.expanded(q, v)
         pin.computeJointJacobiansTimeVariation(model, data, *full)
-        J = self._gathered(pin.getFrameJacobian(model, data, *frame))
-        J_dot = self._gathered(pin.getFrameJacobianTimeVariation(model, data, *frame))
-        return MovingFrame(*self._placed(), J, J_dot)
+        J = self._gather(pin.getFrameJacobian(model, data, *frame))
+        J_dot = self._gather(pin.getFrameJacobianTimeVariation(model, data, *frame))
+        return MovingFrame(*self._placement(), J, J_dot)
 
     def accelerated(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation, velocity and acceleration, shapes (3,), (3, 3), (6,) and (6,).
@@ -101,13 +101,13 @@ class FrameMotion:
         pin.forwardKinematics(model, data, *self._robot.expanded(q, v, a))
         velocity = pin.getFrameVelocity(model, data, index, axes).vector
         acceleration = pin.getFrameClassicalAcceleration(model, data, index, axes).vector
-        return *self._placed(), velocity, acceleration
+        return *self._placement(), velocity, acceleration
 
-    def _placed(self) -> tuple[Array, Array]:
+    def _placement(self) -> tuple[Array, Array]:
         placement = pin.updateFramePlacement(self._pin, self._data, self._frame)
         return placement.translation.copy(), placement.rotation.copy()
 
-    def _gathered(self, J: Array) -> Array:
+    def _gather(self, J: Array) -> Array:
         # Pinocchio returns a single column as a vector.
         return self._robot.gather(J if J.ndim == 2 else J.reshape(6, -1))
 

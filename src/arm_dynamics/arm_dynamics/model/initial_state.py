@@ -13,7 +13,7 @@ from arm_dynamics.model.loops.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot
-from arm_dynamics.model.stops import ROUNDED, Stops
+from arm_dynamics.model.stops import ROUNDING, Stops
 
 _log = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ def _positions(robot: Robot, stops: Stops) -> Array:
     initial = robot.scene.initial.position
     for name in set(robot.scene.robot.lock) & initial.keys():
         (lower, upper), at = robot.described_range(name), initial[name]
-        if max(lower - at, at - upper) > ROUNDED * max(1.0, abs(at)):
+        if max(lower - at, at - upper) > ROUNDING * max(1.0, abs(at)):
             raise SceneError(
                 f"scene: 'initial.position': locked joint '{name}' at {at:.6g} is "
                 f"beyond its limits; allowed: {lower:.6g} to {upper:.6g}"

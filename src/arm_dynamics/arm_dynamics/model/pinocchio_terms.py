@@ -68,13 +68,13 @@ class RigidTerms:
             try:
                 return np.linalg.solve(self.mass(q), tau - self.bias(q, v))
             except np.linalg.LinAlgError:
-                raise self._unsolvable(q) from None
+                raise self._singular_error(q) from None
         full = self.robot.expanded(q, v)
         # In the axes of each body: in those of the world, far from whose origin the bodies are,
         # ten to a hundred times as much is lost to rounding.
         a: Array = pin.aba(self._pin, self._data, *full, tau, pin.Convention.LOCAL)
         if not math.isfinite(np.vdot(a, a)) and not np.isfinite(a).all():
-            raise self._unsolvable(q)
+            raise self._singular_error(q)
         return a.copy()
 
     def bias(self, q: Array, v: Array) -> Array:
@@ -177,7 +177,7 @@ class RigidTerms:
         n = self.robot.pin.nv
         return self.robot.gather_matrix(matrix.copy().reshape(n, n))
 
-    def _unsolvable(self, q: Array) -> ArmError:
+    def _singular_error(self, q: Array) -> ArmError:
         inertia = np.diag(self.mass(q))
         if inertia.min() > 0.0:
             return InvalidInput("the acceleration overflows: velocities or torques are too large")

@@ -8,8 +8,8 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ModelError
 
-_NOTHING = 1e-28  # fraction of the largest inertia that is rounding of zero
-_INVOLVED = 0.1  # smallest rate, relative to the largest, of a joint named in a massless motion
+_ROUNDING = 1e-28  # fraction of the largest inertia that is rounding of zero
+_LEAST_SHARE = 0.1  # smallest rate, relative to the largest, of a joint named in a massless motion
 
 MASSLESS = (
     "no link has mass or inertia, so there is no gravity and no inertia; give the links "
@@ -47,23 +47,23 @@ def check_regular(M: Array, joint_names: Sequence[str]) -> None:
             number.
     """
     inertia = np.diagonal(M, axis1=-2, axis2=-1)
-    nothing = inertia <= _NOTHING * inertia.max(axis=-1, keepdims=True)
-    scale = 1.0 / np.sqrt(np.where(nothing, 1.0, inertia))
+    is_zero = inertia <= _ROUNDING * inertia.max(axis=-1, keepdims=True)
+    scale = 1.0 / np.sqrt(np.where(is_zero, 1.0, inertia))
     values, motions = np.linalg.eigh(scale[:, :, None] * M * scale[:, None, :])
     with np.errstate(divide="ignore", invalid="ignore"):
-        condition = np.where(nothing.any(-1), np.inf, values[:, -1] / np.maximum(values[:, 0], 0))
-    worst = int(np.argmax(condition))
-    most = largest_condition(len(joint_names))
-    if condition[worst] <= most:
+        condition = np.where(is_zero.any(-1), np.inf, values[:, -1] / np.maximum(values[:, 0], 0))
+    index = int(np.argmax(condition))
+    limit = largest_condition(len(joint_names))
+    if condition[index] <= limit:
         return
-    share = abs(motions[worst, :, 0])
-    dead = nothing[worst]
-    involved = dead if dead.any() else share > _INVOLVED * share.max()
+    share = abs(motions[index, :, 0])
+    massless = is_zero[index]
+    involved = massless if massless.any() else share > _LEAST_SHARE * share.max()
     listed = ", ".join(f"'{name}'" for name, yes in zip(joint_names, involved, strict=True) if yes)
     alone = f"joint {listed} moves" if involved.sum() == 1 else f"joints {listed} move"
-    subject = alone if dead.any() else f"joints {listed} can move together so that they move"
+    subject = alone if massless.any() else f"joints {listed} can move together so that they move"
     raise ModelError(
         f"{subject} no mass, so no torque determines the acceleration: the condition number of "
-        f"the mass matrix is {condition[worst]:.3g}, allowed: up to {most:.1e}; give a "
+        f"the mass matrix is {condition[index]:.3g}, allowed: up to {limit:.1e}; give a "
         "link inertia, a joint an armature, or lock one"
     )

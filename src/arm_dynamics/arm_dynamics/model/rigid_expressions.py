@@ -25,7 +25,7 @@ class RigidExpressions:
 
     def inverse(self, q: ca.SX, v: ca.SX, a: ca.SX, weight: ca.SX | float = 1.0) -> ca.SX:
         """M a + C v + G in [N m] or [N], gravity times ``weight``."""
-        return rigid_body.inverse(self._tree, q, v, a, weight * self._gravity)
+        return rigid_body.inverse_dynamics(self._tree, q, v, a, weight * self._gravity)
 
     def frictionless(self, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
         """M a + C v + G + S in [N m] or [N]."""
@@ -63,7 +63,8 @@ class RigidExpressions:
     def energies(self, q: ca.SX, v: ca.SX) -> ca.SX:
         """Kinetic energy, armature included, and potential energy of gravity and springs."""
         still, none = ca.SX(q.shape[0], 1), ca.SX(3, 1)
-        momentum = rigid_body.inverse(self._tree, q, still, v, none)  # M v, without forming M
+        # M v, without forming M
+        momentum = rigid_body.inverse_dynamics(self._tree, q, still, v, none)
         whole = tree_of(self._model, regroup=False)
         potential = rigid_body.potential_energy(whole, q, self._gravity)
         potential += spring.energy(self._model.springs, whole, q)

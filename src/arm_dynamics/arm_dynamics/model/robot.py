@@ -25,7 +25,7 @@ from arm_dynamics.scene.schema import Payload, Scene
 from arm_dynamics.scene.urdf.description import JOINT, LINK, Mimic, Urdf, read_urdf
 from arm_dynamics.scene.urdf.joint_names import JointNames
 
-_UNIQUE = "\0"  # which no name in XML contains
+_SUFFIX = "\0"  # which no name in XML contains
 
 
 @sealed
@@ -35,7 +35,7 @@ class Robot:
     Attributes:
         scene: The scene that describes it.
         pin: Pinocchio's model with joints locked, payloads attached and gravity set.
-        bare: The same without the payloads.
+        bare: Pinocchio's model as ``pin``, without the payloads.
         whole: Pinocchio's model of the unmodified description: no joint locked, no payload.
         joint_names: Independent joints, in the order of every vector; a tuple that knows others.
         joint_types: ``revolute``, ``continuous`` or ``prismatic`` for each.
@@ -58,7 +58,7 @@ class Robot:
             self.whole = pin.buildModelFromXML(urdf.text)
         except (ValueError, RuntimeError) as error:
             raise ModelError(f"robot description: Pinocchio cannot build it: {error}") from None
-        self._rules = _resolved(urdf)
+        self._rules = _resolved_rules(urdf)
         self.locked = _locked_positions(scene, urdf, self._rules)
         self.pin = _reduced(self.whole, self.locked)
         self.pin.gravity.linear = np.array(scene.gravity)
@@ -99,7 +99,7 @@ class Robot:
         return other
 
     def __repr__(self) -> str:
-        """Its joints."""
+        """Joints of the robot."""
         joints = f"{counted(self.n, 'joint')}: {known_names(self.joint_names, 8)}"
         locked = f"; locked: {known_names(self.locked, 8)}" if self.locked else ""
         return f"<{type(self).__name__} of {self.pin.name}, {joints}{locked}>"
@@ -154,14 +154,14 @@ class Robot:
         1 if all are zero.
         """
         model = self.bare
-        far = np.zeros(model.njoints)
+        span = np.zeros(model.njoints)
         for i in range(1, model.njoints):
-            far[i] = far[model.parents[i]] + np.linalg.norm(model.jointPlacements[i].translation)
+            span[i] = span[model.parents[i]] + np.linalg.norm(model.jointPlacements[i].translation)
         ends = [
-            far[frame.parentJoint] + np.linalg.norm(frame.placement.translation)
+            span[frame.parentJoint] + np.linalg.norm(frame.placement.translation)
             for frame in model.frames
         ]
-        bodies = [far[i] + np.linalg.norm(model.inertias[i].lever) for i in range(1, len(far))]
+        bodies = [span[i] + np.linalg.norm(model.inertias[i].lever) for i in range(1, len(span))]
         return float(max([*ends, *bodies])) or 1.0
 
     @property
@@ -190,8 +190,8 @@ class Robot:
         if not self._continuous:
             return full
         out = np.empty((*q.shape[:-1], self.pin.nq))
-        for v_index, q_index, wraps in self._continuous:
-            if wraps:
+        for v_index, q_index, is_cyclic in self._continuous:
+            if is_cyclic:
                 out[..., q_index] = np.cos(full[..., v_index])
                 out[..., q_index + 1] = np.sin(full[..., v_index])
             else:
@@ -228,20 +228,20 @@ class Robot:
             self.pin.appendBodyToJoint(frame.parentJoint, body, frame.placement)
 
 
-def _resolved(urdf: Urdf) -> dict[str, Mimic]:
+def _resolved_rules(urdf: Urdf) -> dict[str, Mimic]:
     """Mimic rules with chains resolved to the independent joint."""
     resolved: dict[str, Mimic] = {}
     for name, rule in urdf.mimics.items():
-        passed = {name}
+        visited = {name}
         while rule.leader in urdf.mimics:
-            if rule.leader in passed:
+            if rule.leader in visited:
                 raise ModelError(
                     f"joint '{name}': its mimic rule leads back to itself by '{rule.leader}'"
                 )
-            passed.add(rule.leader)
-            above = urdf.mimics[rule.leader]
-            factor = rule.multiplier * above.multiplier
-            rule = Mimic(above.leader, factor, rule.multiplier * above.offset + rule.offset)
+            visited.add(rule.leader)
+            outer = urdf.mimics[rule.leader]
+            factor = rule.multiplier * outer.multiplier
+            rule = Mimic(outer.leader, factor, rule.multiplier * outer.offset + rule.offset)
         resolved[name] = rule
     return resolved
 
@@ -265,11 +265,11 @@ def _reduced(whole: pin.Model, locked: dict[str, float]) -> pin.Model:
         return model
     # Pinocchio looks the locked joints up among all frames, where a link may have their name.
     for frame in _bodies(model):
-        frame.name += _UNIQUE
+        frame.name += _SUFFIX
     reference = configuration_of(whole, locked)
     reduced = pin.buildReducedModel(model, [whole.getJointId(name) for name in locked], reference)
     for frame in _bodies(reduced):
-        frame.name = frame.name.removesuffix(_UNIQUE)
+        frame.name = frame.name.removesuffix(_SUFFIX)
     return reduced
 
 
@@ -282,9 +282,9 @@ def configuration_of(model: pin.Model, positions: Mapping[str, float]) -> Array:
     q = pin.neutral(model)
     for name, position in positions.items():
         joint = model.joints[model.getJointId(name)]
-        wraps = joint.nq == 2
-        q[joint.idx_q] = np.cos(position) if wraps else position
-        if wraps:
+        is_cyclic = joint.nq == 2
+        q[joint.idx_q] = np.cos(position) if is_cyclic else position
+        if is_cyclic:
             q[joint.idx_q + 1] = np.sin(position)
     return np.asarray(q)
 
@@ -321,4 +321,4 @@ def _continuous(model: pin.Model) -> list[tuple[int, int, bool]]:
     A joint that wraps is stored as cosine and sine; the list is empty if none does.
     """
     joints = [(joint.idx_v, joint.idx_q, joint.nq == 2) for joint in list(model.joints)[1:]]
-    return joints if any(wraps for *_, wraps in joints) else []
+    return joints if any(is_cyclic for *_, is_cyclic in joints) else []

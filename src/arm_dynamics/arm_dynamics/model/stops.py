@@ -17,7 +17,7 @@ from arm_dynamics.scene.urdf.plain import NO_LIMIT
 
 # Tolerance within which a position is at a stop, relative to the larger of it and 1: limits are
 # often written with fewer digits.
-ROUNDED = 1e-9
+ROUNDING = 1e-9
 
 type Flags = NDArray[np.bool_]
 
@@ -103,7 +103,7 @@ class Stops:
     def refusal(self, q: Array, names: tuple[str, ...]) -> str:
         """Error message for positions of shape (n,); empty if the rigid stops allow them."""
         beyond, (lower, upper) = self.beyond(q), self.bounds
-        beyond = beyond - ROUNDED * np.maximum(1.0, abs(q))
+        beyond = beyond - ROUNDING * np.maximum(1.0, abs(q))
         i = int(np.argmax(beyond))
         if not beyond[i] > 0.0:
             return ""

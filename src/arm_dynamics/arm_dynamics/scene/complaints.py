@@ -36,7 +36,7 @@ class Schema(NamedTuple):
     """The schema of a file.
 
     Attributes:
-        whole: Of the file.
+        whole: Type of the whole file.
         tagged: Parts by the value of their key ``type``.
         hidden: Names in the location of an error that are not keys.
         file: Name of the file.
@@ -52,13 +52,13 @@ def complaints(errors: Sequence[ErrorDetails], schema: Schema) -> list[str]:
     """One line for each error; see ``complaint``."""
     lines = dict[str, None]()
     for error in errors:
-        few = error["type"] == "too_short"  # also where pydantic does not count bad entries
-        if few and len(error["input"]) >= error["ctx"]["min_length"]:
+        is_short = error["type"] == "too_short"  # also where pydantic does not count bad entries
+        if is_short and len(error["input"]) >= error["ctx"]["min_length"]:
             continue
         (*place, own), kinds = error["loc"], (*_KINDS, *_MAPPINGS)
         if error["type"] in kinds and _internal(own):  # of one of several kinds that are allowed
-            beside = [e for e in errors if [*e["loc"][: len(place)]] == place]
-            if any(len(e["loc"]) > len(error["loc"]) or e["type"] not in kinds for e in beside):
+            others = [e for e in errors if [*e["loc"][: len(place)]] == place]
+            if any(len(e["loc"]) > len(error["loc"]) or e["type"] not in kinds for e in others):
                 continue  # the value is of another one
         if error["type"] == "missing" and isinstance(error["loc"][-1], int):
             # A list that is too short: each missing entry is an error.

@@ -21,19 +21,19 @@ from arm_dynamics.scene.urdf.description import Urdf
 WORLD = "world"
 
 
-def _different(value: tuple[str, str]) -> tuple[str, str]:
+def _check_difference(value: tuple[str, str]) -> tuple[str, str]:
     if value[0] == value[1]:
         raise ValueError("two different names are expected")
     return value
 
 
-Pair = Annotated[tuple[str, str], AfterValidator(_different)]
+Pair = Annotated[tuple[str, str], AfterValidator(_check_difference)]
 ORIGIN = (0.0, 0.0, 0.0)
 UPWARD = (0.0, 0.0, 1.0)
 Fraction = Annotated[Finite, Field(ge=0.0, le=1.0)]
 
 
-class Touching(NamedTuple):
+class WorldContact(NamedTuple):
     """A point at which an arm touches the world.
 
     Attributes:
@@ -62,7 +62,7 @@ class _Constraint(Part):
     active: StrictBool = True
 
     @model_validator(mode="after")
-    def _may_be_off(self) -> _Constraint:
+    def _check_switch(self) -> _Constraint:
         if not self.active and not self.switchable:
             raise ValueError("active: false is for a constraint with switchable: true")
         return self
@@ -80,12 +80,12 @@ class _BetweenFrames(_Constraint):
     points: tuple[Vector3, Vector3] = (ORIGIN, ORIGIN)
 
     @property
-    def at_world(self) -> Touching | None:
+    def at_world(self) -> WorldContact | None:
         """Its point that is connected to the world; None if neither frame is the world."""
         if WORLD not in self.frames:
             return None
         own = self.frames.index(WORLD) ^ 1
-        return Touching(self.frames[own], self.points[own])
+        return WorldContact(self.frames[own], self.points[own])
 
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
         """Refuse frames that the robot does not have; arguments as of ``check_constraints``."""
@@ -227,7 +227,7 @@ class Contact(Part):
     name: str | None = Field(default=None, min_length=1)
 
     @model_validator(mode="after")
-    def _static_is_more(self) -> Contact:
+    def _check_static(self) -> Contact:
         if self.sticking < self.friction:
             raise ValueError(
                 f"static_friction = {self.sticking:g} is less than friction = {self.friction:g}; "
@@ -241,12 +241,12 @@ class Contact(Part):
         return self.friction if self.static_friction is None else self.static_friction
 
     @property
-    def at_world(self) -> Touching | None:
+    def at_world(self) -> WorldContact | None:
         """Its point that may touch the world; None if its plane is on a link."""
         if self.plane.frame != WORLD:
             return None
         x, y, z = (-self.radius * n for n in self.plane.normal)
-        return Touching(self.frame, self.point, (x, y, z))
+        return WorldContact(self.frame, self.point, (x, y, z))
 
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
         """Refuse frames that the robot does not have; arguments as of ``check_constraints``."""
@@ -292,11 +292,11 @@ def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: s
     """Check that frames and joints of constraints exist and can move as needed."""
     labels = [label(constraint, i) for i, constraint in enumerate(constraints)]
     for i, constraint in enumerate(constraints):
-        check_new("constraints", labels, i)
+        check_unique("constraints", labels, i)
         constraint.check_names(i, urdf, locked)
 
 
-def check_new(kind: str, names: Sequence[str], place: int) -> None:
+def check_unique(kind: str, names: Sequence[str], place: int) -> None:
     """Refuse a repeated name; ``kind`` describes the named items, for the message."""
     if names[place] in names[:place]:
         raise SceneError(f"scene: two {kind} are called '{names[place]}'; names must differ")
@@ -324,13 +324,11 @@ def check_joints(
             raise SceneError(f"scene: '{key}' names joint '{name}' twice; once is expected")
         if name in allowed:
             continue
-        trouble, listed = "is fixed", known_names(allowed)
+        state, listed = "is fixed", known_names(allowed)
         if name in locked:
-            trouble = "is locked"
+            state = "is locked"
         elif name in urdf.mimics:
-            trouble = f"follows '{urdf.mimics[name].leader}'"
+            state = f"follows '{urdf.mimics[name].leader}'"
         elif name not in urdf.joints:
-            trouble, listed = "does not exist", choices(name, allowed)
-        raise SceneError(
-            f"scene: '{key}' names joint '{name}', which {trouble}; allowed: {listed}"
-        )
+            state, listed = "does not exist", choices(name, allowed)
+        raise SceneError(f"scene: '{key}' names joint '{name}', which {state}; allowed: {listed}")

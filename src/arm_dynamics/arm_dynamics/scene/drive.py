@@ -69,7 +69,7 @@ class Actuator(Part):
 
     @field_validator("gear_ratio")
     @classmethod
-    def _turns(cls, value: float) -> float:
+    def _check_ratio(cls, value: float) -> float:
         if value == 0.0:
             raise ValueError("allowed: any number but zero")
         return value
@@ -127,7 +127,7 @@ class Servo(Part):
     damping: Positive | None = None
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Servo:
+    def _check_kind(self) -> Servo:
         if self.stiffness is not None and self.bandwidth is not None:
             raise ValueError("a servo has a bandwidth or a stiffness, not both")
         if self.damping is not None and self.stiffness is None:

@@ -14,11 +14,11 @@ from arm_dynamics.scene.types import Part
 from arm_dynamics.scene.urdf.description import Urdf
 
 # Keys that change nothing, their parts separated by dots, each with the reason
-Idle = dict[str, str]
+IdleKeys = dict[str, str]
 
-_MORE = "more than 0 is expected"
+_POSITIVE = "more than 0 is expected"
 # Keys of a joint that matter only if another one, beside them, is not zero
-_OF_ZERO = {
+_KEYS_OF_ZERO = {
     "actuator.cogging.amplitude": ("order", "phase"),
     "transmission.kinematic_error.amplitude": ("order", "phase"),
     "transmission.hysteresis.torque": ("deflection", "sharpness"),
@@ -31,10 +31,10 @@ def check_effect(scene: Scene, urdf: Urdf) -> None:
     """Refuse entries without effect."""
     locked = set(scene.robot.lock)
     free = [name for name in urdf.moving if not locked & {name, urdf.leader(name)}]
-    refuse_of_joints(scene, {name: _of_joint(scene, name, urdf) for name in free})
+    refuse_of_joints(scene, {name: _idle_keys(scene, name, urdf) for name in free})
     for i, spring in enumerate(scene.springs):
         if spring.stiffness == 0.0:
-            _refuse(spring, f"springs.{i}.", {"rest_length": f"'stiffness' is 0; {_MORE}"})
+            _refuse(spring, f"springs.{i}.", {"rest_length": f"'stiffness' is 0; {_POSITIVE}"})
     if scene.sensors is None:
         return
     idle = {}
@@ -45,7 +45,7 @@ def check_effect(scene: Scene, urdf: Urdf) -> None:
     _refuse(scene.sensors, "sensors.", idle)
 
 
-def refuse_of_joints(scene: Scene, idle: Mapping[str, Idle]) -> None:
+def refuse_of_joints(scene: Scene, idle: Mapping[str, IdleKeys]) -> None:
     """Refuse entries of joints that are without effect.
 
     Under ``"*"``, a key is refused only if it changes nothing for all of them.
@@ -57,7 +57,7 @@ def refuse_of_joints(scene: Scene, idle: Mapping[str, Idle]) -> None:
     _refuse(scene.joints.get(ALL), f"joints.{ALL}.", of_all)
 
 
-def _refuse(part: Part | None, where: str, idle: Idle) -> None:
+def _refuse(part: Part | None, where: str, idle: IdleKeys) -> None:
     for key, why in idle.items():
         if (value := value_at(part, key)) is not None:
             raise SceneError(f"scene: '{where}{key}' = {value!r} is without effect: {why}")
@@ -78,19 +78,19 @@ def value_at(part: Part | None, key: str) -> Any:
     return value.model_dump(exclude_unset=True) if isinstance(value, Part) else value
 
 
-def _of_joint(scene: Scene, name: str, urdf: Urdf) -> Idle:
+def _idle_keys(scene: Scene, name: str, urdf: Urdf) -> IdleKeys:
     """What is idle of a joint's settings, merged with those for all joints."""
-    joint, idle = scene.joint(name), Idle()
-    for key, beside in _OF_ZERO.items():
+    joint, idle = scene.joint(name), IdleKeys()
+    for key, others in _KEYS_OF_ZERO.items():
         path, _, own = key.rpartition(".")
         if value_at(joint, key) == 0.0 and value_at(joint, f"{path}.table") is None:
-            idle |= {f"{path}.{other}": f"'{own}' is 0; {_MORE}" for other in beside}
+            idle |= {f"{path}.{other}": f"'{own}' is 0; {_POSITIVE}" for other in others}
     if value_at(scene.joints.get(ALL), "transmission.hysteresis.torque"):
         idle.pop("transmission.hysteresis.deflection", None)  # required where it is taken away
     limits = joint.limits
-    limited = limits.lower is not None or limits.upper is not None or name in urdf.limited
-    limited &= not (name in urdf.mimics and urdf.mimics[name].multiplier == 0.0)
-    if (limits.stop is True or isinstance(limits.stop, Stop)) and not limited:
+    is_limited = limits.lower is not None or limits.upper is not None or name in urdf.limited
+    is_limited &= not (name in urdf.mimics and urdf.mimics[name].multiplier == 0.0)
+    if (limits.stop is True or isinstance(limits.stop, Stop)) and not is_limited:
         idle["limits.stop"] = (
             "the joint has no position limits; 'lower' or 'upper' is expected beside it"
         )

@@ -20,7 +20,7 @@ from arm_dynamics.exceptions import SceneError, did_you_mean, known_names, plain
 VARIABLE = "ARM_SCENES"
 _SUFFIX = ".yaml"
 _PACKAGE = "arm_sim"
-_SHIPPED = "scenes", "scenes/lectures"  # folders with bundled scenes in that package
+_BUNDLED = "scenes", "scenes/lectures"  # folders with bundled scenes in that package
 _ROBOTS = "example-robot-data"  # package of PyPI with the robots of some bundled scenes
 _log = logging.getLogger(__name__)
 
@@ -72,8 +72,8 @@ def find_file(name: str, folder: Path) -> Path:
     for place in filter(os.path.exists, places):
         kind = "a folder" if place.is_dir() else "a pipe or a device"
         raise SceneError(f"scene: '{place}' is {kind}; a file is expected")
-    beside = places[0].parent.glob("*") if places and os.path.isdir(places[0].parent) else ()
-    guess = did_you_mean(Path(name).name, [path.name for path in beside if path.is_file()])
+    siblings = places[0].parent.glob("*") if places and os.path.isdir(places[0].parent) else ()
+    guess = did_you_mean(Path(name).name, [path.name for path in siblings if path.is_file()])
     raise SceneError(
         f"scene: no file '{plain(name)}'; searched: {known_names(map(str, places), 4)}{guess}"
     )
@@ -105,7 +105,7 @@ def file_text(
 def scene_folders() -> list[Path]:
     """The folders of bundled scenes, in the order in which they are searched."""
     listed = os.environ.get(VARIABLE, "").split(os.pathsep)
-    shipped = [root / _PACKAGE / inside for root in _beside(_PACKAGE) for inside in _SHIPPED]
+    shipped = [root / _PACKAGE / inside for root in _parents(_PACKAGE) for inside in _BUNDLED]
     return [*(Path(os.path.expanduser(entry)) for entry in listed if entry), *shipped]
 
 
@@ -125,11 +125,11 @@ def _package_roots(package: str) -> list[Path]:
         *(Path(workspace) for workspace in workspaces if workspace),
         *wheels,
         *(wheel / _ROBOTS / "robots" for wheel in wheels),
-        *_beside(package),
+        *_parents(package),
     ]
 
 
-def _beside(package: str) -> Iterator[Path]:
+def _parents(package: str) -> Iterator[Path]:
     """Folders that contain a Python package, however it is installed, without importing it."""
     spec = find_spec(package) if package.isidentifier() else None
     for place in (spec and spec.submodule_search_locations) or ():

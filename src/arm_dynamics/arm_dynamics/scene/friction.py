@@ -56,7 +56,7 @@ class Table(Part):
     period: Positive | None = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> Table:
+    def _check_curve(self) -> Table:
         check_curve("at", self.at, factor=self.factor)
         if self.period is not None and self.period <= self.at[-1] - self.at[0]:
             raise ValueError(f"period = {self.period}: longer than the table is expected")
@@ -102,7 +102,7 @@ class SpeedTable(Part):
         return self.torque if isinstance(self.torque[0], tuple) else (self.torque,)
 
     @model_validator(mode="after")
-    def _by_speed(self) -> SpeedTable:
+    def _check_speeds(self) -> SpeedTable:
         check_curve("speed", self.speed)
         if 0.0 not in self.speed or self.speed[-1] == 0.0:
             raise ValueError(
@@ -112,7 +112,7 @@ class SpeedTable(Part):
         return self
 
     @model_validator(mode="after")
-    def _by_position(self) -> SpeedTable:
+    def _check_positions(self) -> SpeedTable:
         rows, places = self.rows, len(self.position or (0.0,))
         if len(rows) != places:
             raise ValueError(
@@ -136,7 +136,7 @@ class SpeedTable(Part):
         return self
 
 
-def _of_sizes(table: Table) -> Table:
+def _check_sizes(table: Table) -> Table:
     if table.at[0] < 0.0:
         raise ValueError(
             f"at = {table.at[0]:g} is never reached, since the size of the load counts; points "
@@ -184,7 +184,7 @@ class Friction(Part):
     static: Sided | None = None
     stribeck_velocity: Positive | None = None
     position: Table | None = None
-    load: Annotated[Table, AfterValidator(_of_sizes)] | None = None
+    load: Annotated[Table, AfterValidator(_check_sizes)] | None = None
     lugre: Lugre | None = None
     table: SpeedTable | None = None
 

@@ -51,7 +51,7 @@ class PositionSensor(Part):
     offset: AnyByJoint = {}
 
     @model_validator(mode="after")
-    def _one_step(self) -> PositionSensor:
+    def _check_step(self) -> PositionSensor:
         if both := sorted(self.resolution.keys() & self.counts.keys()):
             raise ValueError(f"'{both[0]}' has resolution and counts; one of them is expected")
         return self

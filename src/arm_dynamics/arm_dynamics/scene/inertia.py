@@ -22,10 +22,10 @@ from arm_dynamics.scene.types import Inertia6, NonNegative, Part, Positive, Vect
 ROUNDING = 1e-10
 # Radius of gyration in [m] and moment in [kg m²] below which moments are rounding errors. A body
 # of 1e-9 kg and 1 mm has 1e-15 kg m².
-POINT, NOTHING = 1e-8, 1e-25
+POINT_RADIUS, POINT_MOMENT = 1e-8, 1e-25
 # Allowed relative excess of the largest moment over the sum of the others: published values have
 # two or three digits, and for a thin plate both are equal.
-DIGITS = 1e-2
+TRIANGLE_TOLERANCE = 1e-2
 
 
 def inertia_matrix(six: Inertia6 | ArrayLike) -> Array:
@@ -48,9 +48,9 @@ def gyration(mass: float, six: Inertia6 | ArrayLike) -> float:
     return math.sqrt(max(float(moments(six)[-1]), 0.0) / mass)
 
 
-def least(mass: Array | float) -> Array:
+def moment_tolerance(mass: Array | float) -> Array:
     """Moments in [kg m²] up to which a body of a mass in [kg] is a point mass, shape (…)."""
-    return np.asarray(mass, dtype=float) * POINT**2 + NOTHING
+    return np.asarray(mass, dtype=float) * POINT_RADIUS**2 + POINT_MOMENT
 
 
 def possible(mass: ArrayLike, six: Inertia6 | ArrayLike) -> NDArray[np.bool_]:
@@ -68,7 +68,7 @@ def fault(mass: float, six: Inertia6 | ArrayLike) -> str | None:
         f"the tensor must not be negative in any direction; principal moments {listed} kg m²",
         f"mass = 0, but inertia of {principal[2]:.6g} kg m²: more than zero is expected",
         f"no body has principal moments {listed} kg m²: none may be larger than the sum of the "
-        f"other two (by {DIGITS:.0%} at most, for rounding)",
+        f"other two (by {TRIANGLE_TOLERANCE:.0%} at most, for rounding)",
     ][int(_fault(np.asarray(mass, dtype=float), principal))]
 
 
@@ -77,9 +77,9 @@ def _fault(mass: Array, principal: Array) -> NDArray[np.int_]:
     small, middle, large = np.moveaxis(principal, -1, 0)
     violated = [
         ~(mass >= 0.0),
-        small < -np.maximum(ROUNDING * large, least(mass)),
-        (mass == 0.0) & (large > least(mass)),
-        large - middle - small > np.maximum(DIGITS * large, least(mass)),
+        small < -np.maximum(ROUNDING * large, moment_tolerance(mass)),
+        (mass == 0.0) & (large > moment_tolerance(mass)),
+        large - middle - small > np.maximum(TRIANGLE_TOLERANCE * large, moment_tolerance(mass)),
     ]
     return np.select(violated, [1, 2, 3, 4], 0)
 
@@ -101,10 +101,10 @@ class Body(Part):
 
     @field_validator("inertia")
     @classmethod
-    def _of_a_body(cls, value: Inertia6, info: ValidationInfo) -> Inertia6:
+    def _check_body(cls, value: Inertia6, info: ValidationInfo) -> Inertia6:
         mass = info.data.get("mass")  # absent if it is invalid itself
-        if mass is not None and (trouble := fault(mass, value)):
-            raise ValueError(trouble)
+        if mass is not None and (defect := fault(mass, value)):
+            raise ValueError(defect)
         return value
 
 

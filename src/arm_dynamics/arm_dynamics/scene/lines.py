@@ -14,12 +14,12 @@ from arm_dynamics.exceptions import SceneError
 
 _PLACE = re.compile(r"'([^' ]+)'")
 _NOT_DECIMAL = re.compile(r"[-+]?0[0-7_]*[0-7]|.*:.*")  # 010 is 8 in YAML 1.1, and 1:30 is 90
-_WHOLE = re.compile(r"[-+]?\d+(?:[eE][-+]?\d+)?")  # what a comma leaves of a decimal
-MOST = 1_000_000  # values of a file, aliases written out
+_DIGITS = re.compile(r"[-+]?\d+(?:[eE][-+]?\d+)?")  # what a comma leaves of a decimal
+LIMIT = 1_000_000  # values of a file, aliases written out
 _KINDS = {list: "a list", str: "text", int: "a number", float: "a number", bool: "a truth value"}
 
 
-def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str, Any]:
+def parse(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str, Any]:
     """The content of a scene file in YAML, or of another such file.
 
     Args:
@@ -34,10 +34,10 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
     try:
         loader = yaml.SafeLoader(content)
         node = loader.get_single_node()
-        if node is not None and (size := _size(node, {})) > MOST:
+        if node is not None and (size := _size(node, {})) > LIMIT:
             raise SceneError(
                 f"{file}: with its aliases written out, this YAML has {size:.3g} values; at most "
-                f"{MOST} are expected"
+                f"{LIMIT} are expected"
             )
         _refuse_traps(node, file)
         data = None if node is None else loader.construct_document(node)
@@ -76,8 +76,8 @@ def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
             _refuse_traps(item, file, *place, str(i))
     elif isinstance(node, yaml.MappingNode):
         # {viscous: 0,5} is viscous: 0 and a key 5 without value.
-        for (key, whole), (rest, nothing) in pairwise(node.value if node.flow_style else ()):
-            if nothing.value == "" and all(_WHOLE.fullmatch(str(x.value)) for x in (whole, rest)):
+        for (key, whole), (rest, after) in pairwise(node.value if node.flow_style else ()):
+            if after.value == "" and all(_DIGITS.fullmatch(str(x.value)) for x in (whole, rest)):
                 raise SceneError(
                     f"{file}: '{'.'.join((*place, key.value))}' = {whole.value},{rest.value}: a "
                     f"decimal point is expected, as in {whole.value}.{rest.value}"
@@ -99,8 +99,8 @@ def _refuse_traps(node: yaml.Node | None, file: str, *place: str) -> None:
         for key, child in node.value:
             _refuse_traps(child, file, *place, key.value)
     elif isinstance(node, yaml.ScalarNode):
-        number = node.tag.endswith((":int", ":float"))
-        if number and _NOT_DECIMAL.fullmatch(node.value):
+        is_number = node.tag.endswith((":int", ":float"))
+        if is_number and _NOT_DECIMAL.fullmatch(node.value):
             raise SceneError(
                 f"{file}: '{'.'.join(place)}' = {node.value}: a decimal number is expected; YAML "
                 "reads a leading zero as octal, colons as sixties, a comma as a number's end"
@@ -118,8 +118,8 @@ def line_of(content: str, place: str) -> int | None:
     except yaml.YAMLError:
         return None
     keys = place.split(".")
-    while keys and (step := _step(node, keys)) is not None:
-        line, node, keys = step
+    while keys and (below := _step(node, keys)) is not None:
+        line, node, keys = below
     return line
 
 

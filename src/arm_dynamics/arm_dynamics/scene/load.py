@@ -13,13 +13,13 @@ from arm_dynamics.scene.constraint import check_constraints, check_frame, check_
 from arm_dynamics.scene.effect import check_effect
 from arm_dynamics.scene.files import file_text, find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
-from arm_dynamics.scene.lines import in_file, parsed
+from arm_dynamics.scene.lines import in_file, parse
 from arm_dynamics.scene.schema import Joint, RobotChoice, Scene, validated
 from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.unit_remarks import unit_remarks
 from arm_dynamics.scene.urdf.description import Urdf, read_urdf
 from arm_dynamics.scene.urdf.inertial import with_bodies
-from arm_dynamics.scene.urdf.xacro import SUFFIX, expanded
+from arm_dynamics.scene.urdf.xacro import SUFFIX, expand
 
 # Sources of a scene; see ``load_scene``
 type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
@@ -48,7 +48,7 @@ def load_scene(source: SceneSource) -> Scene:
     if isinstance(source, Scene):
         return source
     if isinstance(source, Mapping):
-        return _complete(dict(source), Path.cwd())
+        return _complete_scene(dict(source), Path.cwd())
     if not isinstance(source, str | os.PathLike):
         raise SceneError(
             f"scene: {source!r} is of type {type(source).__name__}; "
@@ -58,11 +58,11 @@ def load_scene(source: SceneSource) -> Scene:
     if _is_urdf(text):
         return scene_from_urdf(text)
     path = find_scene(text, Path.cwd())
-    content = expanded(path, {}) if path.suffix == SUFFIX else file_text(path)
+    content = expand(path, {}) if path.suffix == SUFFIX else file_text(path)
     with in_file(path):
         if _is_urdf(content):
             return scene_from_urdf(content)
-        return _complete(parsed(content), path.parent)
+        return _complete_scene(parse(content), path.parent)
 
 
 @contextmanager
@@ -107,13 +107,13 @@ def _is_urdf(text: str) -> bool:
     return text.lstrip("\ufeff \t\r\n").startswith("<")
 
 
-def _described(robot: RobotChoice, folder: Path) -> tuple[str, AbstractContextManager[None]]:
+def _description(robot: RobotChoice, folder: Path) -> tuple[str, AbstractContextManager[None]]:
     """The URDF text of a robot, and what adds the name of its file to errors."""
     path = None
     if robot.xacro is not None or not _is_urdf(robot.urdf):
         path = find_file(robot.urdf, folder)
         if robot.xacro is not None or path.suffix == SUFFIX:
-            return expanded(path, robot.arguments), in_file(path)
+            return expand(path, robot.arguments), in_file(path)
     if robot.arguments:
         raise SceneError(
             f"scene: 'robot.arguments' = {robot.arguments}, but 'robot.urdf' is not in xacro; "
@@ -122,10 +122,10 @@ def _described(robot: RobotChoice, folder: Path) -> tuple[str, AbstractContextMa
     return (robot.urdf, nullcontext()) if path is None else (file_text(path), in_file(path))
 
 
-def _complete(data: dict[str, Any], folder: Path) -> Scene:
+def _complete_scene(data: dict[str, Any], folder: Path) -> Scene:
     scene = validated(data)
     lock = scene.robot.lock
-    text, origin = _described(scene.robot, folder)
+    text, origin = _description(scene.robot, folder)
     with origin:
         urdf = read_urdf(with_bodies(text, scene.links), lock)
     _check_names(scene, urdf)

@@ -84,7 +84,7 @@ class Stop(Part):
     damping: NonNegative | None = None
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Stop:
+    def _check_kind(self) -> Stop:
         if self.stiffness is None and self.damping is not None:
             raise ValueError("damping belongs to a compliant stop, which also needs its stiffness")
         if self.stiffness is not None and self.restitution is not None:
@@ -116,7 +116,7 @@ class Limits(Part):
     stop: StrictBool | Stop | None = None
 
     @model_validator(mode="after")
-    def _ordered(self) -> Limits:
+    def _check_order(self) -> Limits:
         if self.lower is not None and self.upper is not None and self.lower >= self.upper:
             raise ValueError(
                 f"lower = {self.lower} is not below upper = {self.upper}; "
@@ -239,11 +239,11 @@ class Scene(Part):
 
     @field_validator("tunable")
     @classmethod
-    def _there_to_be_tuned(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+    def _check_tunable(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
         if "payload" in value and not info.data.get("payloads", True):
             raise ValueError("'payload' is tunable, but there are no 'payloads'; one is expected")
-        if twins := [name for i, name in enumerate(value) if name in value[:i]]:
-            raise ValueError(f"'{twins[0]}' is given twice; once is expected")
+        if duplicates := [name for i, name in enumerate(value) if name in value[:i]]:
+            raise ValueError(f"'{duplicates[0]}' is given twice; once is expected")
         return value
 
     @property
@@ -280,9 +280,9 @@ class Scene(Part):
             below, above = (
                 x.model_dump(exclude_unset=True, exclude_none=True) for x in (common, own)
             )
-            return Joint.model_validate(_overlay(below, above))
+            return Joint.model_validate(_merge(below, above))
         except ValidationError as error:
-            raise _refused(error, ("joints", name)) from None
+            raise _scene_error(error, ("joints", name)) from None
 
 
 # Keys of a joint's friction and spring that are tables, whose points belong together
@@ -291,7 +291,7 @@ _TABLES = ("table", "position", "load")
 _IN_TABLES = {*IN_TABLE, "stiffness"}
 
 
-def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """The keys of both, number by number; those ``above`` win, and a table replaces others."""
     merged = dict(below)
     for key in below:
@@ -300,8 +300,8 @@ def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         ):
             del merged[key]
     for key, value in above.items():
-        parts = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = _overlay(merged[key], value) if parts and key not in _TABLES else value
+        is_part = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _merge(merged[key], value) if is_part and key not in _TABLES else value
     return merged
 
 
@@ -321,12 +321,12 @@ def validated(data: dict[str, Any], context: dict[str, Any] | None = None) -> Sc
     try:
         return Scene.model_validate(data, context=context)
     except ValidationError as error:
-        raise _refused(error) from None
+        raise _scene_error(error) from None
 
 
-def _refused(error: ValidationError, place: tuple[str, ...] = ()) -> SceneError:
+def _scene_error(error: ValidationError, place: tuple[str, ...] = ()) -> SceneError:
     """The error to raise for content at a place of the scene that the schema refuses."""
     errors = error.errors()
-    for each in errors:
-        each["loc"] = (*place, *each["loc"])
+    for item in errors:
+        item["loc"] = (*place, *item["loc"])
     return SceneError("\n".join(complaints(errors, Schema(Scene, SCHEMAS, KINDS))))

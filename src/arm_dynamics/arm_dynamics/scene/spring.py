@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pydantic import Field, StrictBool, model_validator
 
-from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames, check_new
+from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames, check_unique
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Vector3, check_curve
 from arm_dynamics.scene.urdf.description import Urdf
 
@@ -26,7 +26,7 @@ class DeflectionTable(Part):
     torque: tuple[Finite, ...] = Field(min_length=2)
 
     @model_validator(mode="after")
-    def _consistent(self) -> DeflectionTable:
+    def _check_curve(self) -> DeflectionTable:
         check_curve("deflection", self.deflection, torque=self.torque)
         return self
 
@@ -35,8 +35,9 @@ class JointSpring(Part):
     """A spring and a damper beside a joint, on the side of the link.
 
     Attributes:
-        stiffness: Stiffness in [N m/rad] or [N/m]; required unless there is a ``table``. 0 removes
-            that of ``"*"`` from a joint.
+        stiffness: Stiffness in [N m/rad] or [N/m]; required unless there is a ``table``, which
+            ``model.springs`` checks once ``"*"`` is merged in. 0 removes that of ``"*"`` from a
+            joint.
         table: Torque by deflection, for a spring that is not linear, in place of ``stiffness``.
         rest: Rest position in [rad] or [m].
         damping: Damping in [N m s/rad] or [N s/m].
@@ -48,7 +49,7 @@ class JointSpring(Part):
     damping: NonNegative = 0.0
 
     @model_validator(mode="after")
-    def _one_law(self) -> JointSpring:
+    def _check_law(self) -> JointSpring:
         if self.stiffness and self.table is not None:
             raise ValueError(
                 f"stiffness = {self.stiffness} and a table; one of the two is expected"
@@ -80,7 +81,7 @@ class PointSpring(Part):
     name: str | None = Field(default=None, min_length=1)
 
     @model_validator(mode="after")
-    def _does_something(self) -> PointSpring:
+    def _check_effect(self) -> PointSpring:
         if not (self.stiffness or self.damping or self.force):
             raise ValueError("a stiffness, a damping or a force is expected")
         if self.tension_only and not self.stiffness and self.force <= 0.0:
@@ -100,5 +101,5 @@ def check_springs(springs: tuple[PointSpring, ...], urdf: Urdf) -> None:
     """Check that frames of springs exist and that names of springs differ."""
     names = [spring_name(spring, i) for i, spring in enumerate(springs)]
     for i, spring in enumerate(springs):
-        check_new("springs", names, i)
+        check_unique("springs", names, i)
         check_frames(f"springs.{i}.frames", spring.frames, urdf)

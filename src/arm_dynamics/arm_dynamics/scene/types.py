@@ -28,7 +28,7 @@ def _number(value: object) -> object:
 
 
 # Slopes of curves are below it, so that products of them can be computed
-STEEPEST = 1e100
+LARGEST_SLOPE = 1e100
 _COPY = "build another one: load_scene takes a file, or a dict of the same shape"
 # Context of a validation of content that was checked before and must not change
 AS_CHECKED = {"as checked": True}
@@ -86,8 +86,8 @@ def check_curve(key: str, at: Sequence[float], **rows: Sequence[float]) -> None:
         raise ValueError(f"'{key}' must increase from point to point")
     with np.errstate(over="ignore"):
         steepest = max((abs(np.diff(row) / steps).max() for row in rows.values()), default=0.0)
-    if not steepest < STEEPEST:
+    if not steepest < LARGEST_SLOPE:
         raise ValueError(
             f"'{key}' = {list(at)}: a slope of {steepest:.3g} between two points; less than "
-            f"{STEEPEST:g} is expected"
+            f"{LARGEST_SLOPE:g} is expected"
         )

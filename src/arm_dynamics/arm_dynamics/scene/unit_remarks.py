@@ -12,9 +12,9 @@ from arm_dynamics.scene.schema import Scene
 from arm_dynamics.scene.urdf.description import Urdf
 from arm_dynamics.scene.urdf.units import FAR, wide
 
-_MOST_DEGREES = 720.0  # as a limit, more than two turns in degrees means none
-_STROKES = 20.0  # lengths of the arm; a longer stroke is in mm, or means none if it is symmetric
-_LATE = 1.0  # [s] from a state to its command; longer ones are in ms
+_DEGREES = 720.0  # as a limit, more than two turns in degrees means none
+_STROKE = 20.0  # lengths of the arm; a longer stroke is in mm, or means none if it is symmetric
+_DELAY = 1.0  # [s] from a state to its command; longer ones are in ms
 
 
 def unit_remarks(scene: Scene, urdf: Urdf) -> Iterator[str]:
@@ -35,13 +35,13 @@ def unit_remarks(scene: Scene, urdf: Urdf) -> Iterator[str]:
         for name, angle in angles.items():
             if name in (*turning, "*") and angle and (remark := degrees_meant(angle)):
                 yield f"'{key.format(name)}' = {remark}"
-    if scene.delay > _LATE:
+    if scene.delay > _DELAY:
         yield f"'sensors.delay' and 'commands.delay': {scene.delay:g} s in all; times are in s"
-    yield from _of_lengths(scene, urdf)
-    yield from _of_ranges(scene, urdf)
+    yield from _length_remarks(scene, urdf)
+    yield from _range_remarks(scene, urdf)
 
 
-def _of_lengths(scene: Scene, urdf: Urdf) -> Iterator[str]:
+def _length_remarks(scene: Scene, urdf: Urdf) -> Iterator[str]:
     """Remarks on points in frames of the arm, cords, balls and wheels that are larger than it."""
     for key in ("payloads", "springs", "constraints"):
         for i, part in enumerate(getattr(scene, key)):
@@ -54,7 +54,7 @@ def _of_lengths(scene: Scene, urdf: Urdf) -> Iterator[str]:
                     yield f"'{key}.{i}.{name}' is {length:g} m; lengths are in m"
 
 
-def _of_ranges(scene: Scene, urdf: Urdf) -> Iterator[str]:
+def _range_remarks(scene: Scene, urdf: Urdf) -> Iterator[str]:
     """Remarks on position limits, those of the scene in place of the description's."""
     degrees, millimetres = [], []
     for name in urdf.moving:
@@ -64,9 +64,9 @@ def _of_ranges(scene: Scene, urdf: Urdf) -> Iterator[str]:
         place = f"joint '{name}' from {lower:g} to {upper:g}"
         farthest, stroke = max(-lower, upper), upper - lower
         if urdf.joints[name] != "prismatic":
-            if farthest <= _MOST_DEGREES and degrees_meant(farthest):
+            if farthest <= _DEGREES and degrees_meant(farthest):
                 degrees.append(place)
-        elif lower != -upper and stroke > max(FAR, _STROKES * urdf.size) and urdf.size:
+        elif lower != -upper and stroke > max(FAR, _STROKE * urdf.size) and urdf.size:
             millimetres.append(place)
     for places, words in (
         (degrees, "are more than two turns; angles are in rad"),

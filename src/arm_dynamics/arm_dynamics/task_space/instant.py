@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.equations import rigid_body, spring
+from arm_dynamics.equations.factorizations import ltdl
 from arm_dynamics.equations.frame import drift, jacobian, placement
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import frame_of, gravity_of, tree_of
@@ -57,9 +58,9 @@ def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Fu
     gravity = gravity_of(model)
     bias = spring.frictionless(model.springs, tree, q, v, ca.SX(model.n, 1), gravity)
     M, part = rigid_body.mass_matrix(tree, q), J[rows, :]
-    B = rigid_body.solve_columns(M, part.T)
+    B = ltdl.solve_columns(M, part.T)
     A = part @ B
-    inertia = rigid_body.solve_columns(A, ca.SX.eye(len(axes)))
+    inertia = ltdl.solve_columns(A, ca.SX.eye(len(axes)))
     scale = _scales(A, sum(axis in AXES[:3] for axis in axes))
     # The trace of the scaled Λ, whose eigenvalues are all positive if it is an inertia.
     mass = ca.diag(inertia)

@@ -21,11 +21,11 @@ from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.arm import postures
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 
-_ANGLE = 0.3  # [m/rad]: weight of an angle relative to a distance
-_BIAS = 1e-6  # damping that remains at zero error
+_ANGLE_WEIGHT = 0.3  # [m/rad]: weight of an angle relative to a distance
+_LEAST_DAMPING = 1e-6  # damping that remains at zero error
 _PATIENCE = 8  # steps without progress after which a descent ends
 _PROGRESS = 0.95  # of the error before, up to which a step is progress
-_LONGEST = 1.0  # largest step of a joint in [rad] or [m]
+_LARGEST_STEP = 1.0  # largest step of a joint in [rad] or [m]
 _CORRECTIONS = 4  # iterations to a nearby pose
 
 
@@ -96,7 +96,7 @@ class InverseKinematics:
         self._distance, self._angle = distance, angle
         self._iterations, self._seeds = iterations, seeds
         self._lower, self._upper = task.model.position_lower, task.model.position_upper
-        self._weight = np.where(np.arange(6) < 3, 1.0, _ANGLE)[task.rows]
+        self._weight = np.where(np.arange(6) < 3, 1.0, _ANGLE_WEIGHT)[task.rows]
 
     def solve(self, pose: Pose | ArrayLike, seed: ArrayLike | None = None) -> Solution:
         """Search for joint positions; the result states whether the pose is reached.
@@ -117,19 +117,19 @@ class InverseKinematics:
         starts = [*starts, *postures(model, self._seeds)][: self._seeds]
         for start in np.clip(starts, self._lower, self._upper):
             attempts.append(attempt := self._descend(pose, start))
-            if self._reached(attempt):
+            if self._is_reached(attempt):
                 break
-        best = min(attempts, key=lambda attempt: attempt.distance + _ANGLE * attempt.angle)
+        best = min(attempts, key=lambda attempt: attempt.distance + _ANGLE_WEIGHT * attempt.angle)
         q = read_only(best.q)
-        stopped = compress(model.joint_names, (q <= self._lower) | (q >= self._upper))
+        limited = compress(model.joint_names, (q <= self._lower) | (q >= self._upper))
         return Solution(
             q=q,
-            reached=self._reached(best),
+            reached=self._is_reached(best),
             distance=best.distance,
             angle=best.angle,
             seeds=len(attempts),
             iterations=sum(attempt.steps for attempt in attempts),
-            at_limit=tuple(stopped),
+            at_limit=tuple(limited),
         )
 
     def reach(self, pose: Pose | ArrayLike, seed: ArrayLike | None = None) -> Array:
@@ -148,7 +148,7 @@ class InverseKinematics:
             f"frame '{self.task.frame}' cannot be brought to position {pose.position}: "
             f"{solution.distance:.3g} m and {solution.angle:.3g} rad remain after "
             f"{solution.seeds} seeds{limits}",
-            solution.distance + _ANGLE * solution.angle,
+            solution.distance + _ANGLE_WEIGHT * solution.angle,
         )
 
     def correct(self, pose: Pose, q: Array) -> Array:
@@ -188,19 +188,19 @@ class InverseKinematics:
         most twice; ``_descend`` cuts off what is left beyond.
         """
         e, Jw = self._weight * error, self._weight[:, None] * J
-        damping = 0.5 * (e @ e) + _BIAS**2
+        damping = 0.5 * (e @ e) + _LEAST_DAMPING**2
         free = np.ones(len(q), bool)
         for _ in range(3):
             part = Jw[:, free]
             H = part.T @ part + damping * np.eye(part.shape[1])
             dq = np.zeros(len(q))
             dq[free] = np.linalg.solve(H, part.T @ e)
-            stuck = free & (((q <= self._lower) & (dq < 0.0)) | ((q >= self._upper) & (dq > 0.0)))
-            if not stuck.any():
+            stops = free & (((q <= self._lower) & (dq < 0.0)) | ((q >= self._upper) & (dq > 0.0)))
+            if not stops.any():
                 break
-            free &= ~stuck
+            free &= ~stops
         largest = float(abs(dq).max())
-        return dq if largest <= _LONGEST else dq * _LONGEST / largest
+        return dq if largest <= _LARGEST_STEP else dq * _LARGEST_STEP / largest
 
     def _error(self, pose: Pose, q: Array) -> tuple[Array, Array]:
         motion, rows = self.task.motion, self.task.rows
@@ -214,7 +214,7 @@ class InverseKinematics:
         linear = self.task.linear
         return float(np.linalg.norm(error[:linear])), float(np.linalg.norm(error[linear:]))
 
-    def _reached(self, attempt: _Attempt) -> bool:
+    def _is_reached(self, attempt: _Attempt) -> bool:
         return attempt.distance <= self._distance and attempt.angle <= self._angle
 
 
@@ -229,10 +229,10 @@ def checked_pose(pose: Pose | ArrayLike) -> Pose:
     rotation = numbers("pose.rotation", pose.rotation)
     if rotation.shape != (3, 3):
         raise InvalidInput(f"pose.rotation has shape {rotation.shape}; (3, 3) is expected")
-    off = abs(rotation @ rotation.T - np.eye(3)).max()
-    if off > 1e-6 or np.linalg.det(rotation) < 0.0:
+    defect = abs(rotation @ rotation.T - np.eye(3)).max()
+    if defect > 1e-6 or np.linalg.det(rotation) < 0.0:
         raise InvalidInput(
-            f"pose.rotation = {rotation.tolist()} is not a rotation: R Rᵀ is off by {off:.3g}, "
+            f"pose.rotation = {rotation.tolist()} is not a rotation: R Rᵀ is off by {defect:.3g}, "
             f"det R = {np.linalg.det(rotation):.3g}; allowed: 1e-6 and a determinant of one"
         )
     return Pose(position, rotation)

@@ -133,7 +133,7 @@ class TaskSpace:
 
     Attributes:
         model: The arm.
-        frame: As given; likewise ``reference`` and ``threshold``.
+        frame: The frame as given, likewise ``reference`` and ``threshold``.
         axes: Names of the m axes.
         rows: Which of the six axes these are, for rows of a Jacobian.
         linear: Number of linear ones among them, which come first.
@@ -191,7 +191,7 @@ class TaskSpace:
 
     def pose(self, q: ArrayLike) -> Pose:
         """Pose of the frame, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""
-        position, rotation = _each(self.motion.placement, *vectors(self.model.joint_names, q=q))
+        position, rotation = _rows(self.motion.placement, *vectors(self.model.joint_names, q=q))
         return Pose(_plain(position), _plain(rotation))
 
     def jacobian(self, q: ArrayLike) -> Array:
@@ -224,7 +224,7 @@ class TaskSpace:
         """
         still = np.zeros(self.n) if v is None else v
         q, v = vectors(self.model.joint_names, q=q, v=still)
-        position, rotation, J, J_dot, W, bias, gravity, spring = _each(self._state, q, v)
+        position, rotation, J, J_dot, W, bias, gravity, spring = _rows(self._state, q, v)
         A, drift = self._mobility(J, W), times(J_dot, v)
         inertia = task_inertia(A, self.linear, self.threshold)
         JW, L = J @ W, inertia.matrix
@@ -285,7 +285,7 @@ class TaskSpace:
             ModelError: If a joint that carries the frame moves no mass.
         """
         (q,), u = vectors(self.model.joint_names, q=q), unit_vector("direction", direction, self.m)
-        A = self._mobility(*_each(self._at_rest, q))
+        A = self._mobility(*_rows(self._at_rest, q))
         reference = np.square(scales(A, self.linear) * u).sum(-1)
         mobility, floor = (A @ u) @ u, self.threshold * reference
         damped = mobility < floor
@@ -306,7 +306,7 @@ class TaskSpace:
                 f"an ellipsoid over {self.axes} mixes kg and kg m²; allowed: tasks of linear "
                 "or of angular axes alone"
             )
-        A = self._mobility(*_each(self._at_rest, *vectors(self.model.joint_names, q=q)))
+        A = self._mobility(*_rows(self._at_rest, *vectors(self.model.joint_names, q=q)))
         values, axes = np.linalg.eigh(A)
         floor = self.threshold * np.maximum(values.mean(-1, keepdims=True), 1e-12)
         masses = 1.0 / np.maximum(values, floor)
@@ -338,8 +338,8 @@ class TaskSpace:
         return 0.5 * (A + np.swapaxes(A, -1, -2))
 
 
-def _each(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
-    """As ``arrays.each``, for a result of several parts."""
+def _rows(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
+    """``arrays.each`` for a function whose result has several parts."""
     parts = answer(*vectors) if vectors[0].ndim == 1 else zip(*map(answer, *vectors), strict=True)
     return tuple(map(np.array, parts))
 

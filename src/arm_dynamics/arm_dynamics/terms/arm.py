@@ -16,7 +16,7 @@ from arm_dynamics.model.rigid_expressions import RigidExpressions
 
 
 class SymbolicArm:
-    """Its quantities are expressions of shape (n,).
+    """An arm whose quantities are expressions of shape (n,).
 
     Attributes:
         rigid: Its rigid bodies and springs.
@@ -27,7 +27,7 @@ class SymbolicArm:
     def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
         self.rigid: Any = RigidExpressions(model)
         self._friction = friction
-        self.has_friction, self.has_springs = friction.present, bool(model.springs)
+        self.has_friction, self.has_springs = friction.is_present, bool(model.springs)
 
     def friction(self, v: Any, q: Any, load: Any) -> Any:
         """Friction of sliding joints under torques of the drives, shape (n,)."""
@@ -35,11 +35,11 @@ class SymbolicArm:
 
     def with_friction(self, v: Any, q: Any, tau: Any) -> Any:
         """Torques of the drives that leave ``tau`` for the rigid arm, shape (n,)."""
-        return self._friction.demanded(tau, v, ca.sign(v), q)
+        return self._friction.overcome(tau, v, ca.sign(v), q)
 
 
 class NumericArm:
-    """Its quantities are numbers of single states, of shape (n,); for one thread at a time.
+    """An arm whose quantities are numbers of single states, of shape (n,), for one thread.
 
     Pinocchio computes all but friction, which is that of the expressions, on CasADi's virtual
     machine: for a single state NumPy takes ten times as long.
@@ -47,7 +47,7 @@ class NumericArm:
 
     def __init__(self, model: ArmModel, friction: SteadyFriction) -> None:
         self.rigid, self._model, self._friction = RigidTerms(model), model, friction
-        self.has_friction, self.has_springs = friction.present, bool(model.springs)
+        self.has_friction, self.has_springs = friction.is_present, bool(model.springs)
 
     @built_once
     def friction(self) -> Callable[[Array, Array, Array], Array]:

@@ -36,12 +36,12 @@ def relative(arm: Arm, result: Any, formula: Any, *arguments: Any) -> Any:
 def by_torques(
     arm: Arm, tau: Any, formula: Any, q: Any, v: Any, a: Any, chosen: Any, external: Any
 ) -> Any:
-    """Of the torques of a motion."""
+    """Error of the torques of a motion, and the size of their summands."""
     return tau - formula(arm, q, v, a, chosen, external), _summands(arm, q, v, a, external)
 
 
 def of_accelerations(arm: Arm, a: Any, _: Any, q: Any, v: Any, tau: Any, external: Any) -> Any:
-    """Of accelerations, by the torques that these require."""
+    """Error of accelerations, in the torques that these require."""
     error = inverse(arm, q, v, a, external=external) - tau
     return error, _summands(arm, q, v, a, tau, external)
 
@@ -51,29 +51,29 @@ def _summands(arm: Arm, q: Any, v: Any, a: Any, *torques: Any) -> Any:
 
 
 def scaled_by_inertia(arm: Arm, tau: Any, formula: Any, q: Any, *rest: Any) -> Any:
-    """Of torques at zero acceleration, by what an acceleration of one would require as well."""
+    """Error of torques at zero acceleration, by those that an acceleration of one takes, too."""
     expected = formula(arm, q, *rest)
     return tau - expected, abs(expected) + abs(arm.rigid.mass(q)).sum(axis=1)
 
 
 def scaled_by_speed(arm: Arm, C: Any, formula: Any, q: Any, v: Any) -> Any:
-    """Of the Coriolis matrix, by the inertia times the largest speed."""
+    """Error of the Coriolis matrix, by the inertia times the largest speed."""
     return C - formula(arm, q, v), arm.rigid.mass(q) * abs(v).max()
 
 
 def of_energies(arm: Arm, energies: Any, formula: Any, q: Any, v: Any) -> Any:
-    """Of kinetic and potential energy, the latter by the size of both."""
+    """Errors of kinetic and potential energy, the latter by the size of both."""
     kinetic, potential = abs(formula(arm, q, v))
     return energies - formula(arm, q, v), np.array([kinetic, kinetic + potential])
 
 
 def of_jacobian_derivative(arm: Arm, J_dot: Any, formula: Any, q: Any, v: Any, frame: str) -> Any:
-    """Of J̇, by J times the largest speed."""
+    """Error of J̇, by J times the largest speed."""
     return J_dot - formula(arm, q, v, frame), abs(v).max() * arm.rigid.jacobian(q, frame)
 
 
 def of_constraint_rows(arm: Arm, rows: Any, formula: Any, q: Any, v: Any, names: Any) -> Any:
-    """Of rows A with γ = Ȧ v beside them, γ by A times the square of the largest speed."""
+    """Error of rows A and γ = Ȧ v side by side, γ by A times the square of the largest speed."""
     expected = formula(arm, q, v, names)
     size = abs(expected)
     size[:, -1] += size[:, :-1].max(axis=1, initial=0.0) * abs(v).max() ** 2

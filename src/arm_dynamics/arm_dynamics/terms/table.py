@@ -55,9 +55,9 @@ class Entry:
     Attributes:
         name: Its name in C, services and commands.
         arguments: Names of its arguments, out of ``SIZES``.
-        shape: Of its result at one state, in numbers and n.
-        symbol: Of its result.
-        unit: Of its result, for revolute joints and for prismatic ones.
+        shape: Shape of its result at one state, in numbers and n.
+        symbol: Symbol of its result.
+        unit: Unit of its result, for revolute joints and for prismatic ones.
         about: One sentence that describes it.
         formula: Maps ``NumericArm`` or ``SymbolicArm``, and the arguments, to the result.
         selectors: Names of further arguments that are not numbers, such as a frame.
@@ -102,7 +102,7 @@ class Entry:
         return tuple(sizes[x] if isinstance(x, str) else x for x in self.shape)
 
     def title(self, *selection: Any) -> str:
-        """Its name in messages, with values of its selectors."""
+        """Name of the entry in messages, with values of its selectors."""
         return " of ".join([self.name.replace("_", " "), *map(repr, selection)])
 
 

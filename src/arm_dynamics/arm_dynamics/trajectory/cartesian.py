@@ -24,12 +24,12 @@ from arm_dynamics.trajectory.timing.laws import Quintic, Timing, Trapezoid
 
 
 @frozen
-class Place(Pose):
+class PathPoint(Pose):
     """Placement on a path and its derivatives in u.
 
     Attributes:
-        first: Linear and angular, axes of the world, shape (6,).
-        second: Likewise, shape (6,).
+        first: First derivative, linear and angular, in axes of the world, shape (6,).
+        second: Second derivative, likewise, shape (6,).
     """
 
     first: Array
@@ -43,7 +43,7 @@ class Path(Protocol):
     def length(self) -> float:
         """Way of the origin in [m], or the angle in [rad] where it only turns."""
 
-    def at(self, u: float) -> Place:
+    def at(self, u: float) -> PathPoint:
         """Placement and derivatives at ``u``."""
 
 
@@ -67,11 +67,11 @@ class Line:
         distance = float(np.linalg.norm(self.step))
         return distance if distance > 1e-9 else float(np.linalg.norm(self.turn))
 
-    def at(self, u: float) -> Place:
+    def at(self, u: float) -> PathPoint:
         """Placement and derivatives at ``u``."""
         rotation = pin.exp3(u * self.turn) @ self.start.rotation
         first = np.concatenate([self.step, self.turn])
-        return Place(self.start.position + u * self.step, rotation, first, np.zeros(6))
+        return PathPoint(self.start.position + u * self.step, rotation, first, np.zeros(6))
 
 
 @frozen
@@ -97,16 +97,16 @@ class Circle:
         """Length of the origin's path in [m]."""
         return float(abs(self.angle) * np.linalg.norm(self.start.position - self.centre))
 
-    def at(self, u: float) -> Place:
+    def at(self, u: float) -> PathPoint:
         """Placement and derivatives at ``u``."""
-        turned = pin.exp3(u * self.angle * self.axis)
-        arm = turned @ (self.start.position - self.centre)
+        revolution = pin.exp3(u * self.angle * self.axis)
+        radius = revolution @ (self.start.position - self.centre)
         rate = self.angle * self.axis
-        along = np.cross(rate, arm)
-        first = np.concatenate([along, self.turn])
-        second = np.concatenate([np.cross(rate, along), np.zeros(3)])
+        velocity = np.cross(rate, radius)
+        first = np.concatenate([velocity, self.turn])
+        second = np.concatenate([np.cross(rate, velocity), np.zeros(3)])
         rotation = pin.exp3(u * self.turn) @ self.start.rotation
-        return Place(self.centre + arm, rotation, first, second)
+        return PathPoint(self.centre + radius, rotation, first, second)
 
 
 def line(start: Pose, end: Pose) -> Line:
@@ -144,20 +144,20 @@ def circle(
     Raises:
         InvalidInput: If a number is not allowed, or the centre lies outside the plane.
     """
-    start, middle = checked_pose(start), vector("centre", centre, 3)
-    around = unit_vector("axis", axis, 3)
-    arm = start.position - middle
+    start, origin = checked_pose(start), vector("centre", centre, 3)
+    unit_axis = unit_vector("axis", axis, 3)
+    arm = start.position - origin
     radius = float(np.linalg.norm(arm))
     if radius < 1e-9 or not 0.0 < abs(angle) < np.inf:
         raise InvalidInput(f"radius = {radius} m, angle = {angle}: neither may be zero")
-    off = abs(float(arm @ around))
-    if off > 1e-6 * radius:
+    distance = abs(float(arm @ unit_axis))
+    if distance > 1e-6 * radius:
         raise InvalidInput(
-            f"the centre {middle} is {off:.3g} m beside the plane through {start.position} across "
-            f"the axis {around}; allowed: centres in that plane"
+            f"the centre {origin} is {distance:.3g} m beside the plane through {start.position} "
+            f"across the axis {unit_axis}; allowed: centres in that plane"
         )
-    turn = angle * around if turning else np.zeros(3)
-    return Circle(start, middle, around, float(angle), turn)
+    turn = angle * unit_axis if turning else np.zeros(3)
+    return Circle(start, origin, unit_axis, float(angle), turn)
 
 
 @frozen

@@ -3,7 +3,7 @@
 
 Positions, velocities and accelerations are polynomials, so their extremes are exact. Torques and
 motors' voltages are computed at points of every segment, and at more of them where they might
-exceed a limit in between by more than ``timing.scaling.BETWEEN`` of it.
+exceed a limit in between by more than ``timing.scaling.OVERSHOOT`` of it.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.quintics import extremes
-from arm_dynamics.trajectory.timing.scaling import BETWEEN, Capacity, Strain, closely
+from arm_dynamics.trajectory.timing.scaling import OVERSHOOT, Capacity, Strain, refined_shares
 from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import segment_excess
 
-_ROUNDED = 1e-9  # up to which values beyond a limit, or a jump of velocities, are rounding
+_ROUNDING = 1e-9  # up to which values beyond a limit, or a jump of velocities, are rounding
 _POINTS = 60  # smallest number of points at which torques are computed
 _QUANTITIES = ("position", "velocity", "acceleration")
 
@@ -37,14 +37,14 @@ class Excess:
         joint: Index of the joint.
         quantity: ``position``, ``velocity``, ``acceleration``, ``effort`` or ``voltage``.
         time: Time in [s] from the trajectory's start.
-        most: Extreme value that the joint reaches.
+        peak: Extreme value that the joint reaches.
         limit: The limit, with its sign.
     """
 
     joint: int
     quantity: str
     time: float
-    most: float
+    peak: float
     limit: float
 
 
@@ -53,7 +53,7 @@ class Bounds:
     """Limits of a trajectory.
 
     Attributes:
-        limits: Of positions, velocities and accelerations.
+        limits: Limits of positions, velocities and accelerations.
         dynamics: The model for its torques and the voltages of its motors, or None to leave them
             unchecked; used from one thread only.
         margin: Fraction by which limits of velocity, acceleration, torque and voltage may be
@@ -80,20 +80,20 @@ class Bounds:
         """
         still = np.zeros(trajectory.ends.shape[1])
         excesses = [
-            *self._beyond(trajectory),
-            *self._jumps(trajectory, still if before is None else before),
-            *self._of_effort(trajectory),
+            *self._range_violations(trajectory),
+            *self._velocity_jumps(trajectory, still if before is None else before),
+            *self._effort_violations(trajectory),
         ]
         if not excesses:
             return
         first = min(excesses, key=lambda x: x.time)
         name, unit = self.limits.name(first.joint), self.limits.unit(first.joint, first.quantity)
-        wider = self.margin if first.quantity != "position" else 0.0
-        more = f" and {100.0 * wider:.3g} % more (limit_margin)" if wider else ""
+        margin = self.margin if first.quantity != "position" else 0.0
+        more = f" and {100.0 * margin:.3g} % more (limit_margin)" if margin else ""
         raise InvalidInput(
             f"joint '{name}' would leave its {first.quantity} limit at {first.time + late:.3f} s "
-            f"and reach {first.most:.4g}{unit}; allowed: {first.limit / (1.0 + wider):.4g}{unit}"
-            f"{more}"
+            f"and reach {first.peak:.4g}{unit}; allowed: "
+            f"{first.limit / (1.0 + margin):.4g}{unit}{more}"
         )
 
     def factor(self, trajectory: Trajectory) -> float:
@@ -103,17 +103,17 @@ class Bounds:
             Unreachable: If gravity and friction alone exceed a limit.
         """
         peaks = extremes(trajectory.coefficients)
-        slower = max(1.0, float(segment_excess(trajectory, peaks, self._wide).max()))
+        slower = max(1.0, float(segment_excess(trajectory, peaks, self._widened).max()))
         if (capacity := self._capacity) is not None:
             times, shares = self._strains(capacity, trajectory)
-            if abs(shares).max(initial=0.0) > 1.0 + _ROUNDED:
-                allowed = (1.0 + self.margin) * (1.0 - 2.0 * BETWEEN)
+            if abs(shares).max(initial=0.0) > 1.0 + _ROUNDING:
+                allowed = (1.0 + self.margin) * (1.0 - 2.0 * OVERSHOOT)
                 slower = max(slower, 1.0 / Strain(capacity, *trajectory.at(times)).pace(allowed))
-        return slower if slower > 1.0 + _ROUNDED else 1.0
+        return slower if slower > 1.0 + _ROUNDING else 1.0
 
-    def _beyond(self, trajectory: Trajectory) -> Iterator[Excess]:
+    def _range_violations(self, trajectory: Trajectory) -> Iterator[Excess]:
         """The first time at which each joint exceeds each of its limits."""
-        wide, start = self._wide, trajectory.ends[0]
+        wide, start = self._widened, trajectory.ends[0]
         # An arm that is already beyond a position limit may return from there.
         lower = np.minimum(wide.lower, start), -wide.velocity, -wide.acceleration
         upper = np.maximum(wide.upper, start), wide.velocity, wide.acceleration
@@ -123,47 +123,47 @@ class Bounds:
         for order, high in ((k, high) for k in range(3) for high in (False, True)):
             bound = (upper if high else lower)[order]
             reached = (most if high else least)[order]
-            over = reached > bound + _ROUNDED if high else reached < bound - _ROUNDED
+            over = reached > bound + _ROUNDING if high else reached < bound - _ROUNDING
             for joint in np.flatnonzero(over.any(axis=0)):
                 segment = int(np.argmax(over[:, joint]))
-                far = float((reached.max(axis=0) if high else reached.min(axis=0))[joint])
+                peak = float((reached.max(axis=0) if high else reached.min(axis=0))[joint])
                 edge = float(bound[joint])
-                when = _crossing(trajectory, segment, int(joint), order, edge, high)
-                yield Excess(int(joint), _QUANTITIES[order], when, far, edge)
+                time = _crossing(trajectory, segment, int(joint), order, edge, high)
+                yield Excess(int(joint), _QUANTITIES[order], time, peak, edge)
 
     @cached_property
-    def _wide(self) -> Limits:
+    def _widened(self) -> Limits:
         """The limits with the margin of velocities and accelerations."""
         limits, factor = self.limits, 1.0 + self.margin
         speed, rise = limits.velocity * factor, limits.acceleration * factor
         return replace(limits, velocity=speed, acceleration=rise)
 
-    def _jumps(self, trajectory: Trajectory, before: Array) -> Iterator[Excess]:
+    def _velocity_jumps(self, trajectory: Trajectory, before: Array) -> Iterator[Excess]:
         """Velocities that jump between segments, which no acceleration allows."""
-        bound = self._wide.acceleration
+        bound = self._widened.acceleration
         if not np.isfinite(bound).any():
             return
         ends = trajectory.at_shares(np.array([0.0, 1.0]))[:, 1]  # velocities, (w − 1, n, 2)
-        coming = np.vstack((before[None], ends[:, :, 1]))
-        going = np.vstack((ends[:, :, 0], np.zeros_like(before)[None]))
-        over = (np.abs(going - coming) > _ROUNDED) & np.isfinite(bound)
+        incoming = np.vstack((before[None], ends[:, :, 1]))
+        outgoing = np.vstack((ends[:, :, 0], np.zeros_like(before)[None]))
+        over = (np.abs(outgoing - incoming) > _ROUNDING) & np.isfinite(bound)
         for joint in np.flatnonzero(over.any(axis=0)):
-            when = float(trajectory.times[int(np.argmax(over[:, joint]))])
-            yield Excess(int(joint), "acceleration", when, np.inf, float(bound[joint]))
+            time = float(trajectory.times[int(np.argmax(over[:, joint]))])
+            yield Excess(int(joint), "acceleration", time, np.inf, float(bound[joint]))
 
-    def _of_effort(self, trajectory: Trajectory) -> Iterator[Excess]:
+    def _effort_violations(self, trajectory: Trajectory) -> Iterator[Excess]:
         """The first time at which a torque or a voltage is too large."""
         if (capacity := self._capacity) is None:
             return
         times, shares = self._strains(capacity, trajectory)
-        over = abs(shares) > 1.0 + _ROUNDED
+        over = abs(shares) > 1.0 + _ROUNDING
         if over.any():
             i = int(np.argmax(over.any(axis=1)))
             column = int(np.argmax(over[i]))
             quantity, joint = capacity.columns[column]
             limit = float(capacity.limits[column]) * (1.0 + self.margin)
-            far = float(shares[np.argmax(abs(shares[:, column])), column])
-            yield Excess(joint, quantity, float(times[i]), far * limit, np.copysign(limit, far))
+            peak = float(shares[np.argmax(abs(shares[:, column])), column])
+            yield Excess(joint, quantity, float(times[i]), peak * limit, np.copysign(limit, peak))
 
     @cached_property
     def _capacity(self) -> Capacity | None:
@@ -174,7 +174,7 @@ class Bounds:
         return capacity if capacity.columns else None
 
     def _strains(self, capacity: Capacity, trajectory: Trajectory) -> tuple[Array, Array]:
-        """Times, and shares of these limits, widened by the margin; see ``closely``."""
+        """Times, and shares of these limits, widened by the margin; see ``refined_shares``."""
         segments = len(trajectory.times) - 1
         parts = segments * max(1, _POINTS // (4 * segments)) if segments else 0
         edges = np.interp(
@@ -185,7 +185,7 @@ class Bounds:
             strain = Strain(capacity, *trajectory.at(times))
             return strain.shares(1.0) / (1.0 + self.margin)
 
-        return closely(shares, edges)
+        return refined_shares(shares, edges)
 
 
 def _crossing(
@@ -196,7 +196,7 @@ def _crossing(
     polynomial = np.polynomial.Polynomial(trajectory.coefficients[segment, joint])
     course = polynomial.deriv(order) if order else polynomial
     course = course / (end - start) ** order - bound
-    if (course(0.0) > _ROUNDED) if high else (course(0.0) < -_ROUNDED):
+    if (course(0.0) > _ROUNDING) if high else (course(0.0) < -_ROUNDING):
         return float(start)
     roots = course.roots()
     real = roots.real[(np.abs(roots.imag) < 1e-7) & (roots.real >= 0.0) & (roots.real <= 1.0)]

@@ -23,8 +23,8 @@ from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import quintic
 from arm_dynamics.writing import replacing
 
-_JUMP = 1e-6  # between the end of a motion and its beginning, that is rounding
-_PARTS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
+_ROUNDING = 1e-6  # between the end of a motion and its beginning, that is rounding
+_FIELDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
 
 @frozen
@@ -54,9 +54,9 @@ class JointTrajectory:
         if isinstance(turns, bool) or not isinstance(turns, int | np.integer) or turns < 1:
             raise InvalidInput(f"turns = {turns!r}; a whole number of at least 1 is expected")
         first, end = motion.ends
-        apart = abs(end - first) > _JUMP * np.maximum(1.0, abs(first))
-        if turns > 1 and apart.any():
-            i = int(np.argmax(apart))
+        is_apart = abs(end - first) > _ROUNDING * np.maximum(1.0, abs(first))
+        if turns > 1 and is_apart.any():
+            i = int(np.argmax(is_apart))
             raise InvalidInput(
                 f"turns = {turns}: the motion begins at {first[i]:g} of joint '{joint_names[i]}' "
                 f"and ends at {end[i]:g}, so it cannot repeat; allowed: turns = 1"
@@ -99,13 +99,13 @@ class JointTrajectory:
             values = vector("a point", row, self.joint_names)
             return named.spread("a point", field, values.tolist(), rest)
 
-        def maybe(field: str, row: ArrayLike | None) -> Array | None:
+        def ordered_if_given(field: str, row: ArrayLike | None) -> Array | None:
             return None if row is None else ordered(field, row)
 
         return quintic([
             Waypoint(
-                p.time, ordered("position", p.q), maybe("velocity", p.v),
-                maybe("acceleration", p.a), maybe("effort", p.tau),
+                p.time, ordered("position", p.q), ordered_if_given("velocity", p.v),
+                ordered_if_given("acceleration", p.a), ordered_if_given("effort", p.tau),
             )
             for p in self.points
         ])  # fmt: skip
@@ -121,7 +121,7 @@ class JointTrajectory:
         for point in self.points:
             seconds, rest = divmod(round(1e9 * point.time), 1_000_000_000)
             text.append(f"- time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
-            for key, part in _PARTS.items():
+            for key, part in _FIELDS.items():
                 if (row := getattr(point, part)) is not None:
                     numbers = ", ".join(map(_number, np.asarray(row, float).tolist()))
                     text.append(f"  {key}: [{numbers}]")
@@ -144,7 +144,7 @@ class JointTrajectory:
             for point in content["points"]:
                 time = point["time_from_start"]
                 seconds = float(time["sec"]) + 1e-9 * float(time.get("nanosec", 0))
-                rest = [point.get(key) or None for key in list(_PARTS)[1:]]  # [] means none
+                rest = [point.get(key) or None for key in list(_FIELDS)[1:]]  # [] means none
                 points.append(Waypoint(seconds, point["positions"], *rest))
             trajectory = cls(names, tuple(points))
             trajectory.motion(names)

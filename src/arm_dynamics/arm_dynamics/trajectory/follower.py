@@ -27,43 +27,43 @@ class Outset:
     Attributes:
         start: Stamp in [ns] at which the waypoints' time is zero.
         begin: Stamp in [ns] of the motion's beginning, not before ``start``.
-        here: The reference then.
+        reference: The reference then.
     """
 
     start: int
     begin: int
-    here: Reference
+    reference: Reference
 
     def through(self, waypoints: Sequence[Waypoint], limits: Limits | None) -> Trajectory:
         """Plan a motion through waypoints, timed in [s] after ``start``; past ones are omitted."""
-        return quintic(self.ahead(waypoints), limits)
+        return quintic(self.remaining(waypoints), limits)
 
     @property
-    def late(self) -> float:
+    def lag(self) -> float:
         """Delay of its beginning after ``start``, in [s]."""
         return 1e-9 * (self.begin - self.start)
 
-    def ahead(self, waypoints: Sequence[Waypoint]) -> list[Waypoint]:
+    def remaining(self, waypoints: Sequence[Waypoint]) -> list[Waypoint]:
         """The start and the remaining waypoints, with times in [s] after the beginning."""
         check_kind(waypoints, first=1)  # waypoint 0 is where the arm is
-        late, here = self.late, self.here
-        ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
-        if not ahead:
+        lag, here = self.lag, self.reference
+        points = [replace(w, time=w.time - lag) for w in waypoints if not w.time <= lag]
+        if not points:
             raise InvalidInput(
-                f"no waypoint lies in the future; allowed: times (time_from_start) after {late:g} "
+                f"no waypoint lies in the future; allowed: times (time_from_start) after {lag:g} "
                 "s, as the arm needs time to get there"
             )
-        now, still = here.tau, np.zeros_like(here.q)
+        tau, still = here.tau, np.zeros_like(here.q)
         if have_torques(waypoints, first=1):
-            if len(ahead) < len(waypoints):
-                last, following = waypoints[-len(ahead) - 1], waypoints[-len(ahead)]
-                share = (late - last.time) / (following.time - last.time)
-                first, then = np.asarray(last.tau, float), np.asarray(following.tau, float)
-                now = first + share * (then - first)
-            now = still if now is None else now
-        elif now is not None:  # torques at the beginning fade out
-            ahead = [replace(w, tau=still) for w in ahead]
-        return [Waypoint(0.0, here.q, here.v, here.a, now), *ahead]
+            if len(points) < len(waypoints):
+                before, after = waypoints[-len(points) - 1], waypoints[-len(points)]
+                share = (lag - before.time) / (after.time - before.time)
+                first, second = np.asarray(before.tau, float), np.asarray(after.tau, float)
+                tau = first + share * (second - first)
+            tau = still if tau is None else tau
+        elif tau is not None:  # torques at the beginning fade out
+            points = [replace(w, tau=still) for w in points]
+        return [Waypoint(0.0, here.q, here.v, here.a, tau), *points]
 
 
 @sealed
@@ -170,7 +170,7 @@ class Follower:
         """
         self.reference(now)
         begin = max(outset.begin, now)
-        there, here = self._at(begin), outset.here
+        there, here = self._at(begin), outset.reference
         if not np.array_equal((there.q, there.v, there.a), (here.q, here.v, here.a)):
             return False
         self._next = (begin, motion)

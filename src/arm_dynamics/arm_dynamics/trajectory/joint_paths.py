@@ -23,14 +23,14 @@ from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
+from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, PathPoint
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Reference
 from arm_dynamics.trajectory.timing.laws import Timing
 from arm_dynamics.trajectory.timing.scaling import Capacity, slowdown
 from arm_dynamics.trajectory.trajectory import Trajectory
 
-_LAST = 1.0 - 1e-15  # beyond its end a trajectory is at rest, but a path over u is not
+_LARGEST_U = 1.0 - 1e-15  # beyond its end a trajectory is at rest, but a path over u is not
 
 
 @frozen
@@ -53,7 +53,7 @@ class JointPath:
     def sample(self, t: float) -> Reference:
         """Position, velocity and acceleration at the time ``t`` in [s], each of shape (n,)."""
         u, du, ddu = self.timing.at(t)
-        at = self.over.sample(min(max(u, 0.0), _LAST))
+        at = self.over.sample(min(max(u, 0.0), _LARGEST_U))
         return Reference(*_by_time((at.q, at.v, at.a), du, ddu))
 
     def slower(self, stretch: float) -> JointPath:
@@ -62,7 +62,7 @@ class JointPath:
 
     def along(self, us: Array) -> Array:
         """Positions and first and second derivatives by u at k points of the path, (3, k, n)."""
-        return self.over.at(np.clip(us, 0.0, _LAST))
+        return self.over.at(np.clip(us, 0.0, _LARGEST_U))
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations at times in [s], shape (k, n) each."""
@@ -149,7 +149,7 @@ def paced(
     return motion.slower(slowdown(capacity, motion.at, edges))
 
 
-def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Array, Array]:
+def derivatives(task: TaskSpace, place: PathPoint, q: Array, u: float) -> tuple[Array, Array]:
     """Derivatives q' and q'' of the joints at a point of a path, each of shape (n,).
 
     Raises:
@@ -158,13 +158,13 @@ def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Arra
     rows = task.rows
     J = task.motion.jacobian(q)[rows]
     if task.m > task.n or task_inertia(J @ J.T, task.linear, task.threshold).damped:
-        raise _singular(task, u)
+        raise _singularity(task, u)
     J_plus = pseudo_inverse(J)
     x1, x2 = place.first[rows], place.second[rows]
     first = J_plus @ x1
     J_dot = task.motion.moving(q, first).jacobian_rate[rows]
-    turned = J_dot.T @ np.linalg.solve(J @ J.T, x1)
-    return first, J_plus @ (x2 - J_dot @ first) + turned - J_plus @ (J @ turned)
+    null_motion = J_dot.T @ np.linalg.solve(J @ J.T, x1)
+    return first, J_plus @ (x2 - J_dot @ first) + null_motion - J_plus @ (J @ null_motion)
 
 
 def check_limits(task: TaskSpace, q: Array, u: float) -> None:
@@ -194,11 +194,11 @@ def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array
         k3 = field(u + h / 2, q + h / 2 * k2)
         k4 = field(u + h, q + h * k3)
     except np.linalg.LinAlgError:
-        raise _singular(task, u) from None
+        raise _singularity(task, u) from None
     return q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-def _singular(task: TaskSpace, u: float) -> Unreachable:
+def _singularity(task: TaskSpace, u: float) -> Unreachable:
     return Unreachable(
         f"the path runs into a singularity of frame '{task.frame}' at {u:.1%} of its length; "
         "choose another path or seed, or a task with fewer axes"

@@ -25,8 +25,8 @@ class Limits:
         acceleration: Largest acceleration in [rad/s²] or [m/s²], shape (n,).
         lower: Lowest position in [rad] or [m], shape (n,).
         upper: Highest position in [rad] or [m], shape (n,).
-        joint_names: Names for error messages; numbers are used when empty.
-        joint_types: As of ``ArmModel``, for units in these; none are written when empty.
+        joint_names: Names for messages; numbers are used when empty.
+        joint_types: Types as in ``ArmModel``, for units in messages; without units when empty.
     """
 
     velocity: Array

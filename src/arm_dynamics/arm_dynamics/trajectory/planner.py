@@ -20,7 +20,7 @@ from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, checked_pose
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory import joint_paths
-from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Line, Place, line
+from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Line, PathPoint, line
 from arm_dynamics.trajectory.joint_paths import JointPath
 from arm_dynamics.trajectory.limits import Limits
 from arm_dynamics.trajectory.reference import Motion, Reference
@@ -32,31 +32,31 @@ from arm_dynamics.trajectory.waypoints import stop
 LEVER = 0.25
 MAX_KNOTS = 10_000  # of a path; inverse kinematics is solved at each
 _SPACING = 0.02  # [m] between knots
-_NEAR = 1e-7  # [m], [rad] at a knot
-_FAR = 0.3  # [rad], [m] between successive knots
+_KNOT_TOLERANCE = 1e-7  # [m], [rad] at a knot
+_LARGEST_STEP = 0.3  # [rad], [m] between successive knots
 
 
 @frozen
-class InTurn:
+class MotionSequence:
     """Two motions in sequence; the second begins where the first ends.
 
     Attributes:
         first: The first motion.
-        then: The second motion.
+        second: The second motion.
     """
 
     first: Motion
-    then: Motion
+    second: Motion
 
     @property
     def duration(self) -> float:
         """Total duration in [s]."""
-        return self.first.duration + self.then.duration
+        return self.first.duration + self.second.duration
 
     def sample(self, t: float) -> Reference:
         """Position, velocity and acceleration at the time ``t`` in [s]."""
         left = t - self.first.duration
-        return self.first.sample(t) if left < 0.0 else self.then.sample(left)
+        return self.first.sample(t) if left < 0.0 else self.second.sample(left)
 
 
 @frozen
@@ -104,15 +104,15 @@ class CartesianGoals:
             Unreachable: If the goal cannot be reached, or not on a straight line from here.
             InvalidInput: If the goal is not a pose, or a limit prevents the motion.
         """
-        rest, begin = self._at_rest(here)
+        rest, braking = self._stop(here)
         goal, start = checked_pose(goal), self._task.pose(rest)
         length = path_length(self._task, start, goal)
         if length < 1e-9:
-            return begin or hold(rest)
+            return braking or hold(rest)
         InverseKinematics(self._task).reach(goal, rest)
         timing = Quintic.within(length, self._pace.speed, self._pace.acceleration)
         straight = CartesianTrajectory(line(start, goal), timing)
-        return self._after(begin, joint_paths.joint_path(self._task, straight, rest))
+        return self._after(braking, joint_paths.joint_path(self._task, straight, rest))
 
     def through(self, here: Reference, poses: Sequence[Pose]) -> Motion:
         """A motion through poses without stops, along straight lines with rounded corners.
@@ -124,7 +124,7 @@ class CartesianGoals:
             InvalidInput: If there are no poses, one is invalid, the path is too long, or a limit
                 prevents the motion.
         """
-        rest, begin = self._at_rest(here)
+        rest, braking = self._stop(here)
         if not poses:
             raise InvalidInput("no poses; at least one is expected")
         pieces, lengths, at = list[Line](), list[float](), self._task.pose(rest)
@@ -134,7 +134,7 @@ class CartesianGoals:
                 lengths.append(length)
                 at = pose
         if not pieces:
-            return begin or hold(rest)
+            return braking or hold(rest)
         length, counts = sum(lengths), [int(np.ceil(part / _SPACING)) for part in lengths]
         if sum(counts) > MAX_KNOTS:
             raise InvalidInput(f"the path is {length:.4g} m; allowed: {MAX_KNOTS * _SPACING:g} m")
@@ -153,19 +153,21 @@ class CartesianGoals:
             end = replace(end, first=length / lengths[i] * end.first)
             v[i], a[i] = joint_paths.derivatives(self._task, end, q[i], u)
         timing = Quintic.within(length, self._pace.speed, self._pace.acceleration)
-        return self._after(begin, JointPath(Trajectory.through(us, q, v, a), timing))
+        return self._after(braking, JointPath(Trajectory.through(us, q, v, a), timing))
 
-    def _at_rest(self, here: Reference) -> tuple[Array, Motion | None]:
+    def _stop(self, here: Reference) -> tuple[Array, Motion | None]:
+        """Position at which the arm comes to rest, and the motion that brakes it; None at rest."""
         if not (here.v.any() or here.a.any()):
             joint_paths.check_limits(self._task, here.q, 0.0)
             return here.q, None
         braking = stop(here, self._pace.limits)
         return braking.ends[1], braking
 
-    def _after(self, begin: Motion | None, path: JointPath) -> Motion:
+    def _after(self, braking: Motion | None, path: JointPath) -> Motion:
+        """The path within the limits of the joints, after the braking motion, if there is one."""
         limits = self._pace.limits
         motion = self._within(path, self._dynamics, acceleration=limits.acceleration)
-        return motion if begin is None else InTurn(begin, motion)
+        return motion if braking is None else MotionSequence(braking, motion)
 
 
 def path_length(task: TaskSpace, start: Pose, end: Pose) -> float:
@@ -175,18 +177,18 @@ def path_length(task: TaskSpace, start: Pose, end: Pose) -> float:
     return max(step if task.linear else 0.0, LEVER * turn if task.linear < task.m else 0.0)
 
 
-def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
+def _joints(task: TaskSpace, q: Array, places: list[PathPoint], us: Array) -> Array:
     """Joint positions at every knot, each computed from the previous one, shape (k, n)."""
     solver, rows = InverseKinematics(task), [q]
     for place, u in zip(places, us[1:], strict=True):
         rows.append(solver.correct(place, rows[-1]))
         distance, angle = solver.pose_error(place, rows[-1])
-        leap = float(abs(rows[-1] - rows[-2]).max())
-        if not (max(distance, angle) < _NEAR and leap < _FAR):
+        step = float(abs(rows[-1] - rows[-2]).max())
+        if not (max(distance, angle) < _KNOT_TOLERANCE and step < _LARGEST_STEP):
             raise Unreachable(
                 f"frame '{task.frame}' cannot follow the path after {u:.1%} of its length: "
                 f"{distance:.3g} m and {angle:.3g} rad remain, or a joint would jump by "
-                f"{leap:.3g}",
+                f"{step:.3g}",
                 distance + LEVER * angle,
             )
         joint_paths.check_limits(task, rows[-1], u)

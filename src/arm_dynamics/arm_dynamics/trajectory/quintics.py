@@ -75,6 +75,7 @@ def knot_derivatives(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Arr
 
 
 def _block(vv: Array, va: Array, av: Array, aa: Array) -> Array:
+    """Blocks of the matrix from their entries at w knots, shape (w, 2, 2)."""
     return np.stack((vv, va, av, aa), axis=-1).reshape(-1, 2, 2)
 
 

@@ -38,8 +38,8 @@ class TaskReference:
     Attributes:
         position: Position in [m], shape (3,).
         rotation: Rotation matrix of shape (3, 3).
-        velocity: Linear and angular, axes of the world, in [m/s] and [rad/s], shape (6,).
-        acceleration: Likewise in [m/s²] and [rad/s²], shape (6,).
+        velocity: Linear and angular velocity in the world in [m/s] and [rad/s], shape (6,).
+        acceleration: Acceleration, likewise, in [m/s²] and [rad/s²], shape (6,).
         force: Contact force along a controller's direction in [N].
         posture: Preferred joint positions in the null space of the task, shape (n,), or None.
     """

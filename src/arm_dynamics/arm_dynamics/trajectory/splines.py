@@ -17,7 +17,8 @@ from arm_dynamics.trajectory.reference import Waypoint
 from arm_dynamics.trajectory.trajectory import Trajectory
 from arm_dynamics.trajectory.waypoints import Knots, rows_or_nan, timed_positions, with_torques
 
-STANDING = float(np.finfo(np.float32).eps)  # [rad/s] or [m/s], speed tolerated as rest at the end
+# Speed in [rad/s] or [m/s] that is tolerated as rest at the end
+REST_SPEED = float(np.finfo(np.float32).eps)
 _TRIES = 60  # of factors, each larger by 0.1 % to a factor of 4
 
 
@@ -37,7 +38,7 @@ def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
 def stretched_spline(
     waypoints: Sequence[Waypoint], excess: Callable[[Trajectory], float]
 ) -> Trajectory:
-    """The same trajectory, slowed down by a factor until no limit is exceeded.
+    """The trajectory of ``spline``, slowed down by a factor until no limit is exceeded.
 
     Velocities and accelerations of waypoints are reduced accordingly, except at the first
     one, since it is the arm's current motion.
@@ -85,6 +86,6 @@ def _knots(waypoints: Sequence[Waypoint]) -> Knots:
     a = rows_or_nan([w.a for w in waypoints], n, "acceleration")
     for i in np.flatnonzero(np.isnan(v[:, 0]) & ~np.isnan(a[:, 0])):
         raise InvalidInput(f"waypoint {i} gives accelerations, but no velocities")
-    if np.any(np.abs(np.nan_to_num(v[-1])) > STANDING):
+    if np.any(np.abs(np.nan_to_num(v[-1])) > REST_SPEED):
         raise InvalidInput(f"velocity of the last waypoint is {v[-1]}; allowed: zero")
     return Knots(times, q, v, a)

@@ -49,7 +49,7 @@ class Trajectory:
             q: Positions, shape (w, n).
             v: Velocities, NaN in the rows that are open, likewise; first and last are given.
             a: Accelerations, likewise.
-            stretch: As of the trajectory.
+            stretch: The trajectory's, see there.
         """
         h = np.diff(times)
         v, a = knot_derivatives(h, q, v, a)
@@ -112,12 +112,12 @@ class Trajectory:
     def at(self, times: Array) -> Array:
         """Positions, velocities and accelerations at times in [s], shape (3, k, n)."""
         times = real_array("times", times)
-        moves = (times >= 0.0) & (times < self.times[-1])
-        i = np.searchsorted(self.times, times[moves], "right") - 1
-        s = ((times[moves] - self.times[i]) / np.diff(self.times)[i])[:, None, None]
+        is_inside = (times >= 0.0) & (times < self.times[-1])
+        i = np.searchsorted(self.times, times[is_inside], "right") - 1
+        s = ((times[is_inside] - self.times[i]) / np.diff(self.times)[i])[:, None, None]
         motion = np.zeros((len(times), 3, self.ends.shape[1]))
-        motion[moves] = _evaluated(np.moveaxis(self.polynomials[i], 1, 0), s)
-        motion[~moves, 0] = self.ends[(times[~moves] >= self.times[-1]).astype(int)]
+        motion[is_inside] = _evaluate(np.moveaxis(self.polynomials[i], 1, 0), s)
+        motion[~is_inside, 0] = self.ends[(times[~is_inside] >= self.times[-1]).astype(int)]
         return np.moveaxis(motion, 1, 0)
 
     def at_shares(self, shares: Array) -> Array:
@@ -133,14 +133,14 @@ class Trajectory:
         return np.asarray(np.moveaxis(self.polynomials, 1, 3) @ powers)
 
     def table(self, shares: Array) -> tuple[Array, Array, Array, Array]:
-        """The same in rows: times, shape (k,), and the three, each of shape (k, n)."""
+        """Times, shape (k,), and positions, velocities and accelerations there, (k, n) each."""
         times = (self.times[:-1, None] + np.diff(self.times)[:, None] * shares).ravel()
         rows = np.moveaxis(self.at_shares(shares), 3, 1)
         q, v, a = np.moveaxis(rows.reshape(len(times), 3, -1), 1, 0)
         return times, q, v, a
 
 
-def _evaluated(polynomials: Array, s: Array) -> Array:
+def _evaluate(polynomials: Array, s: Array) -> Array:
     """Polynomials of shape (6, …) at s, by Horner's rule.
 
     Every product and every sum is rounded, so every processor gives the same bits, and so does

@@ -51,10 +51,10 @@ def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Traj
     times, q = timed_positions(waypoints)
     v = _derivative([w.v for w in waypoints], q.shape[1], "velocity")
     a = _derivative([w.a for w in waypoints], q.shape[1], "acceleration")
-    return with_torques(_moved(Knots(times, q, v, a), limits), waypoints)
+    return with_torques(_limited_motion(Knots(times, q, v, a), limits), waypoints)
 
 
-def _moved(knots: Knots, limits: Limits | None) -> Trajectory:
+def _limited_motion(knots: Knots, limits: Limits | None) -> Trajectory:
     """The motion through knots, without torques."""
     if limits is None:
         return knots.trajectory(1.0)
@@ -105,14 +105,14 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
             f"positions {i} and {i + 1} coincide or nothing limits the motion between them; "
             "allowed: different positions and finite velocity or acceleration limits"
         )
-    tried = []
+    durations = []
     for _ in range(_BALANCE_ROUNDS):
-        trajectory = quintic(_through(h, q))
+        trajectory = quintic(_waypoints_at(h, q))
         excess = segment_excess(trajectory, extremes(trajectory.coefficients), limits)
-        tried.append(h * excess.max())
+        durations.append(h * excess.max())
         h = h * np.sqrt(excess)
     # Balancing need not converge: a longer segment may make the motion in the next one wider.
-    return quintic(_through(min(tried, key=np.sum), q), limits)
+    return quintic(_waypoints_at(min(durations, key=np.sum), q), limits)
 
 
 def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
@@ -136,9 +136,13 @@ def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
 
 
 class Knots(NamedTuple):
-    """Checked waypoints as arrays: times in [s], shape (w,); q, v and a, shape (w, n).
+    """Checked waypoints as arrays.
 
-    NaN rows of v and a are open.
+    Attributes:
+        times: Times in [s], shape (w,).
+        q: Positions, shape (w, n).
+        v: Velocities, likewise; rows of NaN are open.
+        a: Accelerations, likewise.
     """
 
     times: Array
@@ -159,12 +163,12 @@ class Knots(NamedTuple):
 
 def have_torques(waypoints: Sequence[Waypoint], first: int = 0) -> bool:
     """Whether waypoints, all or none, have torques; ``first`` numbers the first one."""
-    lacking = [i for i, w in enumerate(waypoints) if w.tau is None]
-    if lacking and len(lacking) < len(waypoints):
+    missing = [i for i, w in enumerate(waypoints) if w.tau is None]
+    if missing and len(missing) < len(waypoints):
         raise InvalidInput(
-            f"waypoint {lacking[0] + first} has no torques, others have; allowed: all or none"
+            f"waypoint {missing[0] + first} has no torques, others have; allowed: all or none"
         )
-    return not lacking
+    return not missing
 
 
 def with_torques(motion: Trajectory, waypoints: Sequence[Waypoint]) -> Trajectory:
@@ -239,7 +243,7 @@ def _row(name: str, values: ArrayLike, n: int) -> Array:
     return row
 
 
-def _through(h: Array, q: Array) -> list[Waypoint]:
+def _waypoints_at(h: Array, q: Array) -> list[Waypoint]:
     times = [0.0, *np.cumsum(h).tolist()]
     return [Waypoint(t, p) for t, p in zip(times, q, strict=True)]
 

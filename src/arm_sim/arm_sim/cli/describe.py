@@ -50,7 +50,7 @@ def describe(
         details: Also show the comment at the top of the file, and why each part is skipped.
     """
     from arm_dynamics import ModelError
-    from arm_dynamics.dynamics.built import arm_model
+    from arm_dynamics.dynamics.arm_models import arm_model
     from arm_dynamics.model.regularity import MASSLESS
     from arm_dynamics.scene.files import find_scene
     from arm_dynamics.scene.load import naming

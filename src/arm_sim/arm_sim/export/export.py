@@ -8,7 +8,7 @@ from pathlib import Path
 
 from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.attributes import frozen
-from arm_dynamics.dynamics.built import arm_model
+from arm_dynamics.dynamics.arm_models import arm_model
 from arm_dynamics.model.frame_motion import check_moving
 from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.scene.text import scene_text

@@ -144,7 +144,7 @@ def _constrained(model: ArmModel) -> ca.Function:
     arm, parameters = SymbolicArm(model, SteadyFriction.of(model)), Parameters(model)
     s = Symbols(model, parameters)
     joints = Joints(model, s, Options(stops=False))
-    bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
+    bias = rigid_body.inverse_dynamics(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
     a = Bilateral(model, s, joints).accelerations(s.tau - bias)
     accelerations = ca.Function("a", [s.q, s.v, s.tau, joints.p], [a], {"cse": True})
     # Tunable numbers as in the scene; all joints slide, and no contact is closed.

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.model.stops import ROUNDED
+from arm_dynamics.model.stops import ROUNDING
 from arm_sim.derivatives.tangents import TangentFunctions
 from arm_sim.export.amalgamated import ELSEWHERE, amalgamated, of_files
 from arm_sim.export.linearized import derivatives_of_ticks, effort_slopes
@@ -130,7 +130,7 @@ def _defines(simulator: Simulator) -> str:
         "OF_STATE": "{" + (", ".join(map(str, _origins(plant))) or "0") + "}",
         "TUNABLE": braces(plant.parameters.nominal),
         "LOOP_TOLERANCE": repr(CLOSURE_TOLERANCE),
-        "STOP_TOLERANCE": repr(ROUNDED),
+        "STOP_TOLERANCE": repr(ROUNDING),
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),
     }

@@ -92,8 +92,7 @@ def responses(plant: Plant) -> list[LinearResponse]:
         One for each posture and, with compliant stops, another one; none if no such force acts, or
         where a joint moves no mass, which is reported by name when the plant is built.
     """
-    parts = _Parts(plant)
-    if not parts:
+    if not (parts := _Parts(plant)):
         return []
     results = list[LinearResponse]()
     model = plant.model

@@ -175,7 +175,7 @@ def _with_projection(
     before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
     projected, of_projection = project(before, after, p)[0], Coefficients()
     by_before, by_after, by_p = (
-        of_projection.matrix(ca.jacobian(projected, by))
+        of_projection.substitute(ca.jacobian(projected, by))
         for by in (before, after, p[list(p_indices), :])
     )
     results = [projected, of_projection.values]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.dynamics.built import too_fast
+from arm_dynamics.dynamics.plausibility import excessive_velocity
 from arm_dynamics.exceptions import ConstraintError, InvalidInput, degrees_meant
 from arm_dynamics.scene.constraint import Constraint, label, switchable
 from arm_sim.inputs import check_row
@@ -73,7 +73,7 @@ def clip_to_stops(plant: Plant, q: Array, prefix: str = "") -> Array:
 
 def warn_of_speeds(plant: Plant, v: Array) -> None:
     """Warn of velocities far beyond their limits that are not the scene's initial ones."""
-    if (fast := too_fast(plant.model, v)) and not np.array_equal(v, plant.model.v0):
+    if (fast := excessive_velocity(plant.model, v)) and not np.array_equal(v, plant.model.v0):
         _log.warning("%s; velocities are in rad/s and m/s", fast)
 
 

@@ -79,8 +79,7 @@ class Mechanics:
         ``loads``, with contacts ``contact_mobility``, with bilateral constraints ``bilateral``,
         where parts may hold together ``statics``; none where nothing sticks or touches.
         """
-        reactions = self._reactions
-        if reactions is None or not self._eventful:
+        if (reactions := self._reactions) is None or not self._eventful:
             return ()
         functions = [self.contact.mobility] if self.contact else []
         functions.append(self._loads(reactions))

@@ -216,8 +216,7 @@ class Plant:
 @one_at_a_time
 def slope_of_loads(plant: Plant) -> ca.Function:
     """``Plant.rhs`` for code that contains ``loads``: it calls that, where there is one."""
-    loads = plant.events.get("loads")
-    if loads is None:
+    if (loads := plant.events.get("loads")) is None:
         return plant.rhs
     arguments = [ca.MX.sym(name, loads.size1_in(i)) for i, name in enumerate("xup")]
     return ca.Function("rhs", arguments, loads.call(arguments)[-1:])

@@ -15,6 +15,7 @@ import casadi as ca
 
 from arm_dynamics import ArmModel
 from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations.factorizations import ltdl
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, hybrid
 from arm_sim.plant.symbols import Joints, Symbols
 
@@ -37,7 +38,7 @@ class Response:
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
         n = model.n
-        bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
+        bias = rigid_body.inverse_dynamics(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
         self.load = s.tau - bias - s.passive - joints.friction + joints.stop
         self._M = rigid_body.mass_matrix(s.tree, s.q)
         self._sliding = ca.diag(joints.sliding)
@@ -46,11 +47,11 @@ class Response:
 
     def accelerations(self, load: ca.SX) -> ca.SX:
         """Under torques ``load``, exactly zero where a joint sticks, shape (n,)."""
-        return rigid_body.solve(self._held, self._sliding @ load)
+        return ltdl.solve(self._held, self._sliding @ load)
 
     def mobility(self, forces: ca.SX) -> ca.SX:
         """Accelerations per unit of forces that act in columns of torques, shape (n, k)."""
-        return rigid_body.solve_columns(self._held, self._sliding @ forces)
+        return ltdl.solve_columns(self._held, self._sliding @ forces)
 
     def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
         """Holding torques of sticking joints in [N m] or [N], zero for sliding ones, shape (n,).
@@ -73,7 +74,7 @@ class Response:
             Velocity changes of all joints, and the impulses on the held ones, each of shape (n,).
         """
         free = self._sliding @ (push - self._M @ change)
-        gain = change + rigid_body.solve(self._held, free)
+        gain = change + ltdl.solve(self._held, free)
         return gain, self._sticking @ (self._M @ gain - push)
 
 

@@ -18,6 +18,7 @@ import casadi as ca
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.derivatives import inverse_derivatives
+from arm_dynamics.equations.factorizations import ltdl
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.coefficients import Coefficients
 from arm_sim.plant.plant import Plant
@@ -45,7 +46,7 @@ class Slopes:
         c = Coefficients()
         if plant.constrained:
             J_x, J_w = (ca.jacobian(x_dot[n:], by) for by in (x, ca.vertcat(u, by_p)))
-            changes = c.matrix(J_x) @ dx + c.matrix(J_w) @ dw
+            changes = c.substitute(J_x) @ dx + c.substitute(J_w) @ dw
         else:
             K_x, K_w, H = scaled_slopes(plant, x, u, p, x_dot)
             if p_indices:
@@ -53,7 +54,7 @@ class Slopes:
             contacts = contact_slopes(plant, x, u, p, x_dot) if plant.mechanics.contact else None
             if contacts:
                 K_x[:n, : 2 * n] += contacts.torques
-            rows = c.matrix(K_x) @ dx + c.matrix(K_w) @ dw
+            rows = c.substitute(K_x) @ dx + c.substitute(K_w) @ dw
             load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
             da = _solution(c, H[:n, :n], load)
             if contacts:
@@ -66,10 +67,10 @@ class Slopes:
 
 def _solution(c: Coefficients, H: ca.SX, load: ca.SX) -> ca.SX:
     """H⁻¹ load, with the factors of H among the coefficients."""
-    factors = rigid_body.factored(ca.sparsify(H))
-    pivots = c.matrix(1 / ca.diag(factors))
-    factors = c.matrix(ca.tril(factors, False))
-    return rigid_body.substituted(factors, pivots * rigid_body.eliminated(factors, load))
+    factors = ltdl.factorize(ca.sparsify(H))
+    pivots = c.substitute(1 / ca.diag(factors))
+    factors = c.substitute(ca.tril(factors, False))
+    return ltdl.solve_lower(factors, pivots * ltdl.solve_upper(factors, load))
 
 
 def _scaled_by_p(by_p: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: ca.SX) -> ca.SX:
@@ -88,7 +89,7 @@ def _x_dot(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     at_rest = ca.SX(plant.nx, 1)
     load = residual(plant, x, u, p, at_rest[:n])[0]
     H = scaled_slopes(plant, x, u, p, at_rest)[2]
-    a = rigid_body.solve(ca.sparsify(H[:n, :n]), load)
+    a = ltdl.solve(ca.sparsify(H[:n, :n]), load)
     return ca.vertcat(x_dot[:n], a, x_dot[2 * n :]) if plant.nz else ca.vertcat(x_dot[:n], a)
 
 
@@ -117,7 +118,7 @@ def pullback(plant: Plant) -> ca.Function:
         rates = plant.rhs(x, u, p)[2 * n :]
         weighted = weighted + ca.dot(mu[2 * n :], rates) if plant.nz else weighted
         by_nu = [ca.gradient(weighted, by) for by in (x, u, p)]
-        load = rigid_body.solve(ca.sparsify(H), mu[n : 2 * n])
+        load = ltdl.solve(ca.sparsify(H), mu[n : 2 * n])
         gradients = ca.Function("g", [*arguments, nu], by_nu)(*arguments, load)
     by_x, by_u, by_p = gradients
     return dense_function("pullback", arguments, by_x, by_u, by_p[:tunable])
@@ -136,7 +137,7 @@ def residual(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.S
     """
     n, s, joints = plant.model.n, plant.mechanics.symbols, plant.mechanics.joints
     q, v, _ = split(x, n)
-    tau = rigid_body.inverse(s.tree, s.q, s.v, s.tau, s.gravity)
+    tau = rigid_body.inverse_dynamics(s.tree, s.q, s.v, s.tau, s.gravity)
     inertial = tau, rigid_body.mass_matrix(s.tree, s.q)
     tau, M = ca.Function("inertial", [s.q, s.v, s.tau, joints.p], inertial)(q, v, a, p)
     free, load = _free_and_load(plant, x, u, p)
@@ -199,8 +200,8 @@ def contact_slopes(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, x_dot: ca.SX) -> 
 
 def _contact_change(c: Coefficients, slopes: ContactSlopes, dx: ca.SX, da: ca.SX) -> ca.SX:
     """What the forces of contacts add to the change ``da`` at constant forces."""
-    violation = c.matrix(slopes.rates) @ dx + c.matrix(slopes.rows) @ da
-    mobility, forces = c.matrix(slopes.mobility), c.matrix(slopes.forces)
+    violation = c.substitute(slopes.rates) @ dx + c.substitute(slopes.rows) @ da
+    mobility, forces = c.substitute(slopes.mobility), c.substitute(slopes.forces)
     return mobility @ (forces @ violation)
 
 

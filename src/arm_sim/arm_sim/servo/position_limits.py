@@ -7,7 +7,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.arrays import Array
-from arm_dynamics.dynamics.built import too_fast
+from arm_dynamics.dynamics.plausibility import excessive_velocity
 from arm_sim.servo.command import JointCommand
 
 ROUNDING = 1e-9  # [rad] or [m] beyond a stop, of which no warning is due
@@ -39,7 +39,7 @@ class PositionLimits:
 
     def clip(self, command: JointCommand, q: Array, step: int) -> JointCommand:
         """The command that acts, of one that comes after ``step`` ticks, at positions q, (n,)."""
-        if excess := too_fast(self._model, command.velocity, 1.0):
+        if excess := excessive_velocity(self._model, command.velocity, 1.0):
             if step - self._last_too_fast > self._quiet_ticks:
                 _log.warning("%s, beyond which its servo does not go", excess)
             self._last_too_fast = step

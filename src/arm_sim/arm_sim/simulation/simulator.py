@@ -18,7 +18,7 @@ from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.attributes import sealed, with_arguments
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.dynamics.built import arm_model
+from arm_dynamics.dynamics.arm_models import arm_model
 from arm_dynamics.exceptions import choices, not_copied
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.scene.load import SceneSource, naming

@@ -12,7 +12,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiled_scenes
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.codegen.known_kernels import digest_of
-from arm_dynamics.dynamics.checks import check_constrained, check_forward, sliding
+from arm_dynamics.dynamics.checks import check_constrained, check_forward, sliding_directions
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl, actuation
@@ -42,7 +42,7 @@ def built_kernel(
     """
     compiled = control is None and backend in ("auto", "native")
     recipe = recipe_of(plant, choice, acted) if compiled else ""
-    cached = Kernel.recalled(recipe) if recipe else None
+    cached = Kernel.recall(recipe) if recipe else None
     kernel = cached or _compile_kernel(plant, choice, backend, control, acted)
     _check_accelerations(plant, kernel, "rhs")
     if plant.free:
@@ -85,7 +85,7 @@ def _check_accelerations(plant: Plant, kernel: Kernel, rhs: str) -> None:
     modes = Modes(plant, plant.parameters.nominal)
 
     def acceleration(q: Array, v: Array, tau: Array) -> Array:
-        slides = sliding(v)
+        slides = sliding_directions(v)
         modes.direction[:] = slides[: len(modes.direction)]  # none is at a stop
         x = np.concatenate([q, v, plant.laws.initial(q, v)])
         set_switches(modes, kernel, x, tau)

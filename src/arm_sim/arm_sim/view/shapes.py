@@ -127,8 +127,7 @@ def _colour(
     """The colour of a material, its own or that of its name; None if it has none."""
     if material is None:
         return None
-    element = material.find("color")
-    if element is None:
+    if (element := material.find("color")) is None:
         return named.get(material.get("name"))
     r, g, b, a = _numbers(element.get("rgba", ""))
     return r, g, b, a

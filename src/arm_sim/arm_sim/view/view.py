@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_dynamics.dynamics.built import arm_model
+from arm_dynamics.dynamics.arm_models import arm_model
 from arm_dynamics.exceptions import ModelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene import Joint

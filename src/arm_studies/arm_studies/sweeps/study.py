@@ -13,7 +13,7 @@ import pydantic
 from arm_dynamics.exceptions import SceneError, choices
 from arm_dynamics.scene.complaints import Schema, complaints
 from arm_dynamics.scene.files import file_text, find_file, find_scene
-from arm_dynamics.scene.lines import in_file, parsed
+from arm_dynamics.scene.lines import in_file, parse
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
 from arm_studies.sweeps.metrics import METRICS
 
@@ -196,7 +196,7 @@ def load_study(source: StudySource) -> Study:
     path = Path(source)
     content = file_text(path, "study", "a study (YAML)")
     with in_file(path):
-        data = parsed(content, _NAME, "'scene' and 'duration'")
+        data = parse(content, _NAME, "'scene' and 'duration'")
         if "robot" in data and "scene" not in data:
             raise SceneError(f"this is a scene; a study is another file, with scene: {path.name}")
         return _resolved(validated(Study, data), path.resolve().parent)

@@ -105,7 +105,7 @@ def test_one_that_never_ends_is_given_up(source: Path, monkeypatch: pytest.Monke
     (source.parent / "bin" / "xacro").write_text(
         f"#!{sys.executable}\nimport time\ntime.sleep(60)"
     )
-    monkeypatch.setattr(xacro, "_LONGEST", 0.2)
+    monkeypatch.setattr(xacro, "_TIMEOUT", 0.2)
     with pytest.raises(SceneError, match="did not expand '.*arm.urdf.xacro' in 0.2 s"):
         load_scene(source)
 

@@ -25,7 +25,7 @@ from arm_dynamics.equations.tree import like
 from arm_dynamics.model.friction.table import FrictionTable
 
 # Largest slope of friction over the torque that causes it, relative to the gear's efficiency; each
-# iteration of ``SteadyFriction.demanded`` then halves the error.
+# iteration of ``SteadyFriction.overcome`` then halves the error.
 STEEPEST = 0.5
 # Static friction of an unloaded gear in [N m] or [N], which avoids a division by zero; an arm of
 # 1e-9 kg and 1 mm weighs 1e-11 N m.
@@ -86,15 +86,15 @@ class DryFriction:
 
     def of(self, joints: Sequence[int]) -> DryFriction:
         """Friction of the selected joints only; zero for the others."""
-        everyone = range(len(self.position))
-        selected = np.isin(everyone, joints)
+        indices = range(len(self.position))
+        selected = np.isin(indices, joints)
         return DryFriction(
             coulomb=self.coulomb.times(selected),
             static=self.static.times(selected),
             excess=self.excess.times(selected),
             stribeck_velocity=self.stribeck_velocity,
-            position=tuple(self.position[i] if selected[i] else None for i in everyone),
-            load=tuple(self.load[i] if selected[i] else None for i in everyone),
+            position=tuple(self.position[i] if selected[i] else None for i in indices),
+            load=tuple(self.load[i] if selected[i] else None for i in indices),
             scale=self.scale,
         )
 
@@ -151,9 +151,9 @@ class DryFriction:
     def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
         factors: list[Any] = [] if self.scale is None else [self.scale]
         if self.by_position:
-            factors.append(_applied(self.position, q))
+            factors.append(_evaluate(self.position, q))
         if self.by_load:
-            factors.append(_applied(self.load, size(load)))
+            factors.append(_evaluate(self.load, size(load)))
         return reduce(mul, factors) if factors else None
 
 
@@ -234,13 +234,13 @@ class JointFriction(DryFriction):
             for i, table in enumerate(self.tables)
             if table is not None
         }
-        return _replaced(torque, added)
+        return _with_columns(torque, added)
 
     def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Sliding friction of the sign of ``direction``, without that of models with states."""
         torque = self.sliding(v, direction, q, load)
         geared = {i: _column(torque, i) + self._gear_loss(i, direction, load) for i in self.gears}
-        return _replaced(torque, geared)
+        return _with_columns(torque, geared)
 
     def _gear_loss(self, i: int, direction: Quantity, load: Quantity) -> Quantity:
         forward = None if self.forward is None else _column(self.forward, i)
@@ -261,7 +261,7 @@ class JointFriction(DryFriction):
             dry = dry if factors is None else dry * _column(factors, i)
             loss = self._gear_loss(i, sign(reaction), load)
             geared[i] = push * self.level[i] / (dry + size(loss) + UNLOADED)
-        return _replaced(scaled if factors is None else scaled / factors, geared)
+        return _with_columns(scaled if factors is None else scaled / factors, geared)
 
     def most_held(self, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Size of the largest holding torque of each joint in a direction, -1 or 1."""
@@ -277,24 +277,24 @@ class JointFriction(DryFriction):
             torque, sliding = _column(required, i), _column(direction, i)
             loss = transmission.gear_input(sliding, torque, self.efficiency[i]) - torque
             motors[i] = torque + size(sliding) * loss
-        return _replaced(required, motors)
+        return _with_columns(required, motors)
 
 
 def _column(x: Quantity, i: int) -> Quantity:
     return x[i] if isinstance(x, ca.SX) else np.asarray(x)[..., i]
 
 
-def _replaced(x: Quantity, columns: dict[int, Quantity]) -> Quantity:
+def _with_columns(x: Quantity, columns: dict[int, Quantity]) -> Quantity:
     """``x`` with the entries of some joints replaced."""
     if not columns:
         return x
-    changed = ca.SX(x) if isinstance(x, ca.SX) else np.array(x, dtype=float)
+    result = ca.SX(x) if isinstance(x, ca.SX) else np.array(x, dtype=float)
     for i, column in columns.items():
-        changed[i if isinstance(x, ca.SX) else (..., i)] = column
-    return changed
+        result[i if isinstance(x, ca.SX) else (..., i)] = column
+    return result
 
 
-def _applied(curves: Sequence[Curve | None], x: Quantity) -> Quantity:
+def _evaluate(curves: Sequence[Curve | None], x: Quantity) -> Quantity:
     if isinstance(x, ca.SX):
         return ca.vertcat(*[1.0 if c is None else c(x[i]) for i, c in enumerate(curves)])
     x = np.asarray(x)

@@ -42,7 +42,7 @@ class FrictionSource:
 
     @cached_property
     def table(self) -> FrictionTable | None:
-        """Its friction by speed, if the scene gives that."""
+        """Friction of the joint by speed, if the scene gives that."""
         if (table := self.own.table) is None:
             return None
         place = None if table.position is None else np.array(table.position)
@@ -97,14 +97,14 @@ def friction_of(
     )
     _check_loads(independent, dry)
     levels = zip(independent, np.transpose(fc), np.transpose(fs), strict=True)
-    refuse_of_joints(scene, {joint.name: _without_effect(joint.own, *x) for joint, *x in levels})
-    lawful = [i for i, joint in enumerate(independent) if joint.own.stateful]
-    sticking = [i for i in range(len(independent)) if i not in lawful]
+    refuse_of_joints(scene, {joint.name: _idle_keys(joint.own, *x) for joint, *x in levels})
+    stateful = [i for i, joint in enumerate(independent) if joint.own.stateful]
+    sticking = [i for i in range(len(independent)) if i not in stateful]
     return JointFriction(
         **vars(dry.of(sticking)),
         viscous=Sided(*map(read_only, viscous.T @ followers**2)),
         tables=tables,
-        by_law=dry.of(lawful),
+        by_law=dry.of(stateful),
         efficiency=np.array([joint.efficiency for joint in independent]),
     )
 
@@ -179,7 +179,7 @@ def _check_loads(joints: Sequence[FrictionSource], dry: DryFriction) -> None:
             )
 
 
-def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, str]:
+def _idle_keys(own: Friction, coulomb: Array, static: Array) -> dict[str, str]:
     """Keys of a joint's friction that change nothing, and why.
 
     Levels are mean of both directions and skew, followers' included.

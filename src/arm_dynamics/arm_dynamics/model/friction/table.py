@@ -48,7 +48,7 @@ class FrictionTable:
             period: Period of the positions; 0 if they do not repeat.
         """
         still = torque[:, speed == 0.0][:, 0]
-        moving = tuple(_moving(speed, row - rest) for row, rest in zip(torque, still, strict=True))
+        moving = tuple(_course(speed, row - rest) for row, rest in zip(torque, still, strict=True))
         dry = float(still.max())
         if position is None:
             return FrictionTable(dry, None, moving, ())
@@ -86,7 +86,7 @@ def steepest(curve: Curve) -> float:
     return float(np.max(chords(grid, curve(grid))))
 
 
-def _moving(speed: Array, torque: Array) -> Curve:
+def _course(speed: Array, torque: Array) -> Curve:
     """The torque besides dry friction; speeds that begin at 0 hold for both directions."""
     if speed[0] == 0.0:
         speed = np.concatenate([-speed[:0:-1], speed])

@@ -17,10 +17,10 @@ from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.stops import Stops
 
 # Largest residual of a closed constraint in [m] or [rad]; Newton's method continues to rounding.
-CLOSED_TO = 1e-10
-NEWTON_STEPS = 100  # at most; far from closure, each is shortened to ``LONGEST``
+TOLERANCE = 1e-10
+NEWTON_STEPS = 100  # at most; far from closure, each is shortened to ``STEP_SIZE``
 # Largest Newton step of a joint in [rad], or in [m] on an arm of a reach of up to 1 m.
-LONGEST = 0.3
+STEP_SIZE = 0.3
 # Halvings of a step at most, and the decrease of the residual that is enough, relative to what a
 # whole step promises (Armijo's rule).
 HALVINGS, DECREASE = 12, 1e-3
@@ -30,7 +30,7 @@ SAMPLES, SAMPLE_STEP = 6, 0.2
 SINGULAR = 1e-5
 # Starts that are tried in place of one that is singular, and how far the last ones are from it, in
 # [rad] or relative to the arm's reach.
-STARTS, FARTHEST = 30, 1.5
+STARTS, RADIUS = 30, 1.5
 
 
 class Closure:
@@ -93,7 +93,7 @@ class Closure:
         if not hold:
             return q, v + self.factors(q, A, self.rank(names, q)).nearest(-(A @ v))
         v = v + self._nearest_of_others(q, A, -(A @ v), hold)
-        if float(np.max(abs(A @ v), initial=0.0)) > CLOSED_TO * max(1.0, float(abs(v).max())):
+        if float(np.max(abs(A @ v), initial=0.0)) > TOLERANCE * max(1.0, float(abs(v).max())):
             held = ", ".join(f"'{self.rows.joint_names[i]}' = {v[i]:g}" for i in hold)
             raise ConstraintError(
                 f"no velocities of the other joints satisfy the constraints while {held} is held"
@@ -127,8 +127,8 @@ class Closure:
         """
         rng, names = np.random.default_rng(0), self.initially_active
         for k in range(STARTS):
-            away = FARTHEST * (k + 1) / STARTS * self._reach * rng.uniform(-1, 1, len(near))
-            start = self._stops.within(near + away)
+            shift = RADIUS * (k + 1) / STARTS * self._reach * rng.uniform(-1, 1, len(near))
+            start = self._stops.within(near + shift)
             start[list(hold)] = near[list(hold)]
             try:
                 q = self._inside_stops(self._closed_position(start, names, hold), names, hold)
@@ -227,7 +227,7 @@ class Closure:
             A = row.jacobian
             step = self._nearest_of_others(q, A, -row.residual, hold)
             largest = abs(step / np.maximum(self._reach, 1.0)).max()
-            step *= min(1.0, LONGEST / max(largest, 1e-300))
+            step *= min(1.0, STEP_SIZE / max(largest, 1e-300))
             for halving in range(HALVINGS):
                 trial = self.rows.stacked(q + 0.5**halving * step, 0 * q, names)
                 if np.linalg.norm(trial.residual) < (1.0 - DECREASE * 0.5**halving) * size:
@@ -236,14 +236,14 @@ class Closure:
                 break
             q, row = q + 0.5**halving * step, trial
             size = float(np.linalg.norm(row.residual))
-        if size > CLOSED_TO:
-            raise self._left_open(q, names, hold)
+        if size > TOLERANCE:
+            raise self._gap_error(q, names, hold)
         return q
 
-    def _left_open(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> ConstraintError:
+    def _gap_error(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> ConstraintError:
         """The error of constraints that are not closed at ``q``, the end of the search."""
         residuals = self.residuals(q, names)
-        gaps = {name: size for name, size in residuals.items() if size > CLOSED_TO}
+        gaps = {name: size for name, size in residuals.items() if size > TOLERANCE}
         listed = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
         held = ", ".join(f"'{self.rows.joint_names[i]}' at {q[i]:g}" for i in hold)
         keeping = f" while {held} is held" if hold else ""

@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
-from arm_dynamics.actuation.command_map import compensating
+from arm_dynamics.actuation.command_map import with_compensation
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.common.polled_subscription import PolledSubscription
@@ -79,7 +79,7 @@ def scene_for(
     else:
         text = _description_from_topic(node, params.description_timeout)
         scene, source = described_scene(text, params), FROM_TOPIC
-    return compensating(scene) if params.gravity_compensated else scene, source
+    return with_compensation(scene) if params.gravity_compensated else scene, source
 
 
 def described_scene(text: str, limits: DescriptionLimits) -> Scene:

@@ -17,7 +17,7 @@ from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.controller.tolerances import NONE, StateTolerance, Tolerances, effective
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.scene.urdf.joint_names import JointNames, NamedJoints, check_finite
-from arm_dynamics.trajectory.splines import STANDING
+from arm_dynamics.trajectory.splines import REST_SPEED
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class TrajectoryMessage:
             for field in ("positions", "velocities", "accelerations", "effort"):
                 check_finite(f"{field} of point {i}", self.joint_names, getattr(point, field))
         for joint, v in zip(self.joint_names, self._points[-1].velocities, strict=False):
-            if abs(v) > STANDING:
+            if abs(v) > REST_SPEED:
                 raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed: 0")
 
 

@@ -119,7 +119,7 @@ class Goals:
             return
 
         def plan(outset: Outset) -> Motion:
-            points = waypoints(message, names, outset.here)
+            points = waypoints(message, names, outset.reference)
             motion = outset.through(points, self._limits)
             while points:  # released one by one: releasing all at once would delay the loop
                 points.pop()
@@ -135,7 +135,7 @@ class Goals:
             at, turn = message.pose.position, message.pose.orientation
             numbers = at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w
             goal = in_world(numbers, message.header.frame_id, self._model)
-            return self._cartesian(params).line(outset.here, goal)
+            return self._cartesian(params).line(outset.reference, goal)
 
         self.follow(Goal("Cartesian goal", "a straight line", None, plan))
 
@@ -146,7 +146,7 @@ class Goals:
 
         def plan(outset: Outset) -> Motion:
             poses = path_of(message, self._model)
-            return self._cartesian(params).through(outset.here, poses)
+            return self._cartesian(params).through(outset.reference, poses)
 
         self.follow(Goal("Cartesian path", f"{message.count} poses", None, plan))
 

@@ -10,7 +10,7 @@ from functools import partial
 from rclpy.node import Node
 
 from arm_dynamics.control import factory
-from arm_dynamics.control.compiled_law import Job, preparation
+from arm_dynamics.control.compiled_law import Preparation, preparation
 from arm_dynamics.control.controller import AnyController
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import NAMES, Settings, make_controller
@@ -179,7 +179,7 @@ class ControllerSelection:
     def _check_settings(self) -> None:
         """Set and log ``overreach``, and warn of friction that the scene lacks."""
         settings = self._settings(self.params)
-        if settings.friction and not self._dynamics.steady_friction.present:
+        if settings.friction and not self._dynamics.steady_friction.is_present:
             self._node.get_logger().warning("friction = true: the controller's scene has none")
         maker = self._controllers.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._lateness.longest)
@@ -189,5 +189,5 @@ class ControllerSelection:
             self._node.get_logger().warning(self.overreach)
 
 
-def _preparation(control: AnyController) -> Job | None:
+def _preparation(control: AnyController) -> Preparation | None:
     return preparation(control.control if isinstance(control, Saturated) else control)

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control.controller import Moving
+from arm_dynamics.control.controller import ArmState
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.controller.controller_library import HEADER, library
 from arm_dynamics.trajectory.reference import Reference
@@ -51,7 +51,7 @@ class CTolerance(Structure):
         super().__init__(*(array.ctypes.data for array in self._arrays))
 
 
-def motion_of(state: Moving, reference: Reference) -> Array:
+def motion_of(state: ArmState, reference: Reference) -> Array:
     """A state and its reference as C reads them: q, v, and the reference's q, v, a; (5n,)."""
     return np.concatenate((state.q, state.v, reference.q, reference.v, reference.a))
 
@@ -104,14 +104,14 @@ class Tolerances:
         """A tolerance, ``path`` or ``goal``, for C."""
         return CTolerance(np.array(tolerance.position), np.array(tolerance.velocity), self.turns)
 
-    def errors(self, reference: Reference, state: Moving) -> tuple[list[float], list[float]]:
+    def errors(self, reference: Reference, state: ArmState) -> tuple[list[float], list[float]]:
         """Errors of positions and velocities, reference less measured, each of shape (n,)."""
         motion, n = motion_of(state, reference), len(state.q)
         errors = np.zeros(2 * n)
         library().find_errors(motion.ctypes.data, n, self.turns.ctypes.data, errors.ctypes.data)
         return errors[:n].tolist(), errors[n:].tolist()
 
-    def verdict(self, left: float, reference: Reference, state: Moving) -> Verdict | None:
+    def verdict(self, left: float, reference: Reference, state: ArmState) -> Verdict | None:
         """The outcome by one state; None while the trajectory is being followed.
 
         ``left`` is the time in [s] until the last point, negative after it.
@@ -128,7 +128,7 @@ class Tolerances:
         return Verdict.MISSED_GOAL if -left > self.goal_time else None
 
     def worst(
-        self, verdict: Verdict, names: Sequence[str], reference: Reference, state: Moving
+        self, verdict: Verdict, names: Sequence[str], reference: Reference, state: ArmState
     ) -> str:
         """Message about the joint that is farthest outside, its error and tolerance."""
         tolerance = self.path if verdict is Verdict.LEFT_PATH else self.goal

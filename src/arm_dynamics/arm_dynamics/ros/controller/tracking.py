@@ -11,7 +11,7 @@ from rclpy.node import Node
 from arm_dynamics.arrays import Array
 from arm_dynamics.cdr import CdrReader
 from arm_dynamics.codegen.addresses import address
-from arm_dynamics.control.controller import Moving
+from arm_dynamics.control.controller import ArmState
 from arm_dynamics.ros.common.convert import as_bytes, to_array
 from arm_dynamics.ros.common.endpoints import advertise
 from arm_dynamics.ros.controller.controller_library import HEADER, library
@@ -48,7 +48,7 @@ class TrackingTopic:
         self._shared.due = 0
 
     def publish(
-        self, stamp: int, period: float, goals: Goals, reference: Reference, state: Moving,
+        self, stamp: int, period: float, goals: Goals, reference: Reference, state: ArmState,
         tau: Array,
     ) -> None:  # fmt: skip
         """Publish the state of ``stamp`` in [ns] and its answer ``tau`` if a message is due.

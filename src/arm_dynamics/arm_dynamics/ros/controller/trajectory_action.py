@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from arm_dynamics.control.controller import Moving
+from arm_dynamics.control.controller import ArmState
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, counted
 from arm_dynamics.model.arm import ArmModel
@@ -133,7 +133,7 @@ class TrajectoryAction:
         if self._server is not None:
             self._server.destroy()
 
-    def monitor(self, stamp: int, reference: Reference, state: Moving) -> None:
+    def monitor(self, stamp: int, reference: Reference, state: ArmState) -> None:
         """Monitor the goal, after the answer to every joint state, whose stamp is in [ns]."""
         if (active := self.active) is None:
             return
@@ -150,7 +150,9 @@ class TrajectoryAction:
         if self.active is not None:
             self._end("abort", "INVALID_GOAL", reason)
 
-    def _check(self, active: ActiveGoal, stamp: int, reference: Reference, state: Moving) -> None:
+    def _check(
+        self, active: ActiveGoal, stamp: int, reference: Reference, state: ArmState
+    ) -> None:
         overdue = 1e-9 * (stamp - active.begin) - active.motion.duration
         verdict = active.tolerances.verdict(-overdue, reference, state)
         if stamp >= active.next_feedback or verdict is not None:
@@ -170,7 +172,9 @@ class TrajectoryAction:
                 why = f"Aborted due to goal_time_tolerance exceeding by {overdue:f} seconds"
             self._end("abort", code, why)
 
-    def _feedback(self, goal: ActiveGoal, stamp: int, reference: Reference, state: Moving) -> Any:
+    def _feedback(
+        self, goal: ActiveGoal, stamp: int, reference: Reference, state: ArmState
+    ) -> Any:
         message = ACTION.type.Feedback(joint_names=list(self._model.joint_names))
         message.header.stamp = to_time(stamp)
         errors = goal.tolerances.errors(reference, state)
@@ -243,17 +247,17 @@ class TrajectoryAction:
     def _plan(self, message: TrajectoryMessage, params: FollowParams, outset: Outset) -> Motion:
         """Plan a goal, perhaps in the planner's thread."""
         message.check_points()
-        points = waypoints(message, self._model.joint_names, outset.here)
-        points = self._unwound(points, outset.here)
+        points = waypoints(message, self._model.joint_names, outset.reference)
+        points = self._unwound(points, outset.reference)
         if message.stamp == 0 and points[-1].time == 0.0:
-            return _zero_duration_motion(outset.here, points[-1])
-        ahead = outset.ahead(points)
+            return _zero_duration_motion(outset.reference, points[-1])
+        ahead = outset.remaining(points)
         bounds = Bounds(self._limits, Dynamics(self._model), params.limit_margin)
         if params.stretch_goals:
             motion = stretched_spline(ahead, bounds.factor)
         else:
             motion = spline(ahead)
-        bounds.check(motion, outset.late, outset.here.v)
+        bounds.check(motion, outset.lag, outset.reference.v)
         return motion
 
     def _unwound(self, points: list[Waypoint], here: Reference) -> list[Waypoint]:

@@ -11,8 +11,8 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.arrays import Array, finite_numbers
-from arm_dynamics.control.controller import Checked, Measured
+from arm_dynamics.arrays import Array, are_finite
+from arm_dynamics.control.controller import CheckedState, Measured
 from arm_dynamics.control.filters.derived_velocity import DerivedVelocity
 from arm_dynamics.control.wrappers import Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -225,10 +225,10 @@ class ControllerNode(Node):
         stamp, (positions, *velocities) = read
         q = np.array(positions)
         if self._velocity is None:
-            state = Checked(q, np.array(velocities[0]))
+            state = CheckedState(q, np.array(velocities[0]))
             return state, self._reference(stamp, state)
-        reference = self._reference(stamp, Checked(q, self._velocity.last))
-        return Checked(q, self._velocity(stamp, q)), reference
+        reference = self._reference(stamp, CheckedState(q, self._velocity.last))
+        return CheckedState(q, self._velocity(stamp, q)), reference
 
     def _torque(self, state: Measured, reference: Reference) -> Array | None:
         """The controller's torque, shape (n,); None, with a message, if it computes none."""
@@ -243,7 +243,7 @@ class ControllerNode(Node):
             self._throttled.error(self._log.failure)
             self.action.abort("Current goal cancelled, the controller failed.")
             return None
-        if not finite_numbers(tau.tolist()):
+        if not are_finite(tau.tolist()):
             self.control.restart()
             self._log.fail(f"no command, the torque would not be finite: {tau}")
             self._throttled.warning(self._log.failure)

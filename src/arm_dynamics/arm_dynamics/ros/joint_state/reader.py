@@ -24,7 +24,7 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.joint_state.format import JointStateFormat
 from arm_dynamics.ros.joint_state.joint_state_library import HEADER, library
 from arm_dynamics.ros.joint_state.serialization import FIELDS, Layout, layout_of, parsed
-from arm_dynamics.scene.urdf.joint_names import AGREES
+from arm_dynamics.scene.urdf.joint_names import TOLERANCE
 
 Numbers = tuple[float, ...]
 Admit = Callable[[str, frozenset[int]], None]
@@ -180,7 +180,7 @@ class JointStateReader:
         mimics = self.format.mimic_joints(message)
         followers = np.zeros(len(mimics), _FOLLOWER)
         for row, mimic in zip(followers, mimics, strict=True):
-            row["index"], row["leader"], row["within"] = mimic.joint, mimic.leader, AGREES
+            row["index"], row["leader"], row["within"] = mimic.joint, mimic.leader, TOLERANCE
             for f, field in enumerate(self.format.fields):
                 row["factor"][f], row["offset"][f] = mimic.factor_and_offset(field)
         lengths = [len(getattr(message, field)) for field in FIELDS]

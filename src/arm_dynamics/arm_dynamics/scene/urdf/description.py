@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 from arm_dynamics.attributes import frozen
 from arm_dynamics.exceptions import ModelError, choices, did_you_mean, known_names
-from arm_dynamics.scene.inertia import ROUNDING, fault, least, moments
+from arm_dynamics.scene.inertia import ROUNDING, fault, moment_tolerance, moments
 from arm_dynamics.scene.urdf import plain
 from arm_dynamics.scene.urdf.units import note_units, size_of
 from arm_dynamics.scene.urdf.xml import xml_root
@@ -214,8 +214,7 @@ def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None
 
 def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
     """Refuse inertias that cannot be used; return why others are not physically consistent."""
-    inertial = link.find("inertial")
-    if inertial is None:
+    if (inertial := link.find("inertial")) is None:
         return None
     mass, tensor = inertial.find("mass"), inertial.find("inertia")
     if mass is None or mass.get("value") is None:
@@ -226,7 +225,7 @@ def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
         raise ModelError(f"link '{name}': <inertia> without {', '.join(absent)}")
     six = [float(tensor.get(key, "")) for key in plain.TENSOR]
     weight = float(mass.get("value", ""))
-    point = float(least(weight))
+    point = float(moment_tolerance(weight))
     for key in plain.MOMENTS:
         if float(tensor.get(key, "")) < -max(ROUNDING * max(map(abs, six)), point):
             raise ModelError(

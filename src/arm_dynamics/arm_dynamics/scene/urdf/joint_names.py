@@ -14,7 +14,7 @@ from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.scene.urdf.description import Mimic
 
 # Deviation, relative to the larger of it and 1, up to which the value of a mimic joint agrees
-AGREES = 1e-3
+TOLERANCE = 1e-3
 FIELDS = ("position", "velocity", "acceleration")
 
 
@@ -52,7 +52,7 @@ class MimicJoint(NamedTuple):
         row, (factor, offset) = np.asarray(values, float), self.factor_and_offset(field)
         own = float(row[self.joint])
         expected = factor * float(row[self.leader]) + offset if factor else offset
-        if not abs(own - expected) <= AGREES * max(1.0, abs(expected)) and not np.isnan(own):
+        if not abs(own - expected) <= TOLERANCE * max(1.0, abs(expected)) and not np.isnan(own):
             message = f"{title}: {self.name} follows {self.rule.leader}; command that one"
             if not np.isnan(expected):
                 message = (

@@ -34,13 +34,13 @@ _NUMBERS = {
 }
 _NAMES = {"parent": "link", "child": "link", "mimic": "joint"}
 _TAGS = {*_NUMBERS, "parent", "child", "inertial", "visual", "collision"}
-_ALIKE = 0.8  # similarity, see ``difflib``, from which an unknown tag is probably a misspelt one
+_SIMILARITY = 0.8  # see ``difflib``: from it on an unknown tag is probably a misspelt one
 _LIMITS = ("effort", "velocity")
 _NOT_NEGATIVE = ("value", "damping", "friction", *_LIMITS)
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 _LARGEST = sys.float_info.max
-_ROUNDED = 0.01  # error of the length of an axis of two decimals
+_ROUNDING = 0.01  # error of the length of an axis of two decimals
 # A position limit beyond this, in [rad] or [m], means no limit
 NO_LIMIT = 1e15
 
@@ -110,8 +110,7 @@ def plain_joint(
 
 def described_range(joint: ElementTree.Element) -> tuple[float, float]:
     """Lower and upper position limit of the copy of a joint; equal ones mean none."""
-    limit = joint.find("limit")
-    if limit is None or joint.get("type") == "continuous":
+    if (limit := joint.find("limit")) is None or joint.get("type") == "continuous":
         return 0.0, 0.0
     return float(limit.get("lower", "0")), float(limit.get("upper", "0"))
 
@@ -141,7 +140,7 @@ def _note(notes: Notes, remark: str, place: str) -> None:
 def _note_unknown(element: ElementTree.Element, owner: str, notes: Notes) -> None:
     """Note children whose names are nearly those of the format; others are of its extensions."""
     for tag in sorted({str(child.tag) for child in element} - _TAGS):
-        if near := get_close_matches(tag, _TAGS, 1, _ALIKE):
+        if near := get_close_matches(tag, _TAGS, 1, _SIMILARITY):
             _note(notes, f"<{tag}> has no effect; did you mean <{near[0]}>?", owner)
 
 
@@ -207,7 +206,7 @@ def _check_axis(
     length = math.hypot(*direction)
     if length > 1e100:  # Pinocchio squares it
         axis.set("xyz", " ".join(map(repr, unit(direction).tolist())))
-    if abs(length - 1.0) > _ROUNDED:
+    if abs(length - 1.0) > _ROUNDING:
         _note(notes, "<axis> is not of length 1: only its direction counts", owner)
     if length < 1e-9:
         text = joint.findall("axis")[0].get("xyz")

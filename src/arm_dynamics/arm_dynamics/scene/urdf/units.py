@@ -10,8 +10,8 @@ from arm_dynamics.scene.urdf.plain import MOVING, TENSOR, Notes, distance, link_
 # Lengths in [m] beyond which a unit is doubtful, unless the arm is as long
 FAR = 10.0
 _LIGHT, _CRANE = 10.0, 1000.0  # [kg/m] that arms with links of 10 m, and of 100 m, exceed
-_LEAST = 0.5  # [m] radius of gyration of bodies whose size joints do not tell, such as turntables
-_MATTERS = 1e-3  # fraction of the arm's mass times the square of its length
+_RADIUS = 0.5  # [m] of gyration, of bodies whose size joints do not tell, such as turntables
+_SHARE = 1e-3  # fraction of the arm's mass times the square of its length
 
 type Parts = Mapping[str, ElementTree.Element]
 
@@ -36,7 +36,7 @@ def size_of(links: Parts, joints: Parts, inward: Iterable[str]) -> float:
 
 def wide(size: float) -> float:
     """Radius of gyration in [m] that no body of an arm of a length in [m] exceeds."""
-    return max(size, _LEAST) if size else FAR
+    return max(size, _RADIUS) if size else FAR
 
 
 def note_units(links: Parts, joints: Parts, size: float, notes: Notes) -> None:
@@ -57,7 +57,7 @@ def note_units(links: Parts, joints: Parts, size: float, notes: Notes) -> None:
     bulky = {
         f"link '{name}'": r
         for name, (m, six) in bodies.items()
-        if (r := gyration(m, six)) > wide(size) and m * r * r > _MATTERS * mass * size * size
+        if (r := gyration(m, six)) > wide(size) and m * r * r > _SHARE * mass * size * size
     }
     for places, remark, hint in (
         (far, "<origin> {:g} m away", f"far for an arm of {mass:.3g} kg; lengths are in m"),

@@ -14,11 +14,11 @@ from arm_dynamics.exceptions import SceneError, choices, plain
 from arm_dynamics.scene.files import file_text
 
 SUFFIX = ".xacro"
-_LONGEST = 60.0  # [s]
+_TIMEOUT = 60.0  # [s]
 _ARGUMENT = re.compile(r"""<[\w.-]+:arg\s[^>]*?\bname\s*=\s*["']([^"']+)|\$\(arg\s+([^)\s]+)""")
 
 
-def expanded(path: Path, arguments: Mapping[str, str]) -> str:
+def expand(path: Path, arguments: Mapping[str, str]) -> str:
     """The URDF text of a xacro file; arguments that are left out have their defaults."""
     assignments = [f"{name}:={value}" for name, value in arguments.items()]
     text = _output(path, *assignments)
@@ -42,10 +42,10 @@ def _output(path: Path, *arguments: str) -> str:
     try:
         process = subprocess.run(
             [*_command(path, *arguments), str(path), *arguments],
-            capture_output=True, text=True, timeout=_LONGEST, check=False,
+            capture_output=True, text=True, timeout=_TIMEOUT, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        raise SceneError(f"scene: xacro did not expand '{path}' in {_LONGEST:g} s") from None
+        raise SceneError(f"scene: xacro did not expand '{path}' in {_TIMEOUT:g} s") from None
     if process.returncode:
         reason = process.stderr.strip() or f"exit status {process.returncode}"
         raise SceneError(f"scene: xacro cannot expand '{path}': {plain(reason)}")

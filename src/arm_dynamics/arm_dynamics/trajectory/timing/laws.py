@@ -22,7 +22,7 @@ class Timing(Protocol):
         """u, du/dt in [1/s] and d²u/dt² in [1/s²] at the time ``t`` in [s]."""
 
     def slower(self, stretch: float) -> Timing:
-        """The same with all times multiplied by ``stretch``."""
+        """The timing with all times multiplied by ``stretch``."""
 
 
 @frozen
@@ -58,7 +58,7 @@ class Quintic:
         )
 
     def slower(self, stretch: float) -> Quintic:
-        """The same with all times multiplied by ``stretch``."""
+        """The timing with all times multiplied by ``stretch``."""
         return Quintic(self.duration * stretch)
 
 
@@ -98,7 +98,7 @@ class Trapezoid:
         return 1.0 - 0.5 * a * left * left, a * left, -a
 
     def slower(self, stretch: float) -> Trapezoid:
-        """The same with all times multiplied by ``stretch``."""
+        """The timing with all times multiplied by ``stretch``."""
         return Trapezoid(self.duration * stretch, self.ramp * stretch)
 
 

@@ -5,7 +5,7 @@ Slower by s, velocities shrink by 1/s and accelerations by 1/s², so torques wit
 G + S + (M a + C v)/s², known for every speed from one evaluation of inverse dynamics (Hollerbach,
 "Dynamic scaling of manipulator trajectories", ASME J. Dyn. Sys. Meas. Control 106, 1984). Friction
 and the motors' voltages follow from them. Limits hold at every instant, not at points: a motion is
-looked at ever more closely until what may lie between two points is below ``BETWEEN``.
+looked at ever more closely until what may lie between two points is below ``OVERSHOOT``.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.limits import Limits
 
 # Fraction of a limit by which a quantity may exceed its largest value at the points found by
-# ``closely``; scaled motions keep away from their limits by twice as much.
-BETWEEN = 1e-5
+# ``refined_shares``; scaled motions keep away from their limits by twice as much.
+OVERSHOOT = 1e-5
 _NODES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # inside: values may jump at the ends
 _HALVINGS = 14  # of an interval, then a jump in it is seen from both sides
-_MOST = 100_000  # intervals at a time
+_LARGEST_COUNT = 100_000  # intervals at a time
 _ROUNDS = 20  # of slowing down and looking again, at most
-_STILL = 1e-9  # fraction of the fastest joint's speed below which a velocity is rounding
-_EXACT = 1e-13  # relative error of a root
-_NONE = 1e-50  # squares of speeds, and square roots of limits, that are zero
+_REST_SHARE = 1e-9  # fraction of the fastest joint's speed below which a velocity is rounding
+_ROOT_ERROR = 1e-13  # relative error of a root
+_ZERO = 1e-50  # squares of speeds, and square roots of limits, that are zero
 
 
 class Capacity:
@@ -58,9 +58,9 @@ class Capacity:
         acceleration: Array | None = None,
     ) -> None:
         self.dynamics, self.rigid = dynamics, RigidTerms(dynamics.model)
-        none = np.full(dynamics.n, np.inf)
+        unlimited = np.full(dynamics.n, np.inf)
         self._resistance, self._emf = np.zeros((2, dynamics.n))
-        current, voltage = none.copy(), none.copy()
+        current, voltage = unlimited.copy(), unlimited.copy()
         for i, drive in enumerate(dynamics.model.drives):
             if drive is None:
                 continue
@@ -70,15 +70,15 @@ class Capacity:
                 voltage[i] = motor.voltage_limit
                 self._resistance[i] = motor.resistance / constant
                 self._emf[i] = drive.back_emf_constant
-        every = {
-            "velocity": none if velocity is None else velocity,
-            "acceleration": none if acceleration is None else acceleration,
+        by_quantity = {
+            "velocity": unlimited if velocity is None else velocity,
+            "acceleration": unlimited if acceleration is None else acceleration,
             "effort": np.minimum(effort, current),
             "voltage": voltage,
         }
-        limits = np.concatenate(list(every.values()))
+        limits = np.concatenate(list(by_quantity.values()))
         self._is_limited = np.isfinite(limits)
-        names = [(quantity, joint) for quantity in every for joint in range(dynamics.n)]
+        names = [(quantity, joint) for quantity in by_quantity for joint in range(dynamics.n)]
         self.columns = [names[i] for i in np.flatnonzero(self._is_limited)]
         self.limits = limits[self._is_limited]
 
@@ -87,7 +87,7 @@ class Capacity:
         """The arm's limits of speeds, and these of torques and accelerations.
 
         Args:
-            dynamics: As of the capacity.
+            dynamics: The model; used from one thread only.
             limit: Limits of torques, positive, a number or shape (n,); None for the model's.
             acceleration: Limits of accelerations, likewise.
         """
@@ -99,7 +99,7 @@ class Capacity:
         """Signed shares of the limits that a motion with joint torques tau uses, shape (k, m)."""
         motors = self.dynamics.command_map.of_motors(q, v, a, tau)
         values = (v, a, motors, self._resistance * motors + self._emf * v)
-        limits = np.fmax(self.limits, _NONE**2)
+        limits = np.fmax(self.limits, _ZERO**2)
         return np.asarray(np.concatenate(values, axis=1)[:, self._is_limited] / limits)
 
 
@@ -122,7 +122,7 @@ class Strain:
     ) -> None:  # fmt: skip
         self._capacity, self._q, self._first, self._second = capacity, q, first, second
         self._still, self._inverse = np.zeros_like(q), partial(each, capacity.rigid.inverse)
-        self._sliding = np.sign(first) * moving(first) if sliding is None else sliding
+        self._sliding = np.sign(first) * is_moving(first) if sliding is None else sliding
         self._weight = self._inverse(q, self._still, self._still)
         self._by_x = self._inverse(q, first, second) - self._weight
 
@@ -141,7 +141,7 @@ class Strain:
         if dynamics.model.springs:
             tau = tau + each(self._capacity.rigid.spring, self._q, v)
         friction = dynamics.steady_friction
-        tau = friction.demanded(tau, v, self._sliding if friction.has_dry else v, self._q)
+        tau = friction.overcome(tau, v, self._sliding if friction.has_dry else v, self._q)
         return self._capacity.shares(self._q, v, a, tau)
 
     def pace(
@@ -153,8 +153,8 @@ class Strain:
         Args:
             allowed: Largest share.
             most: Largest factor.
-            x: As of ``shares``, for the timing at a factor of one.
-            y: Likewise.
+            x: (du/dt)², see ``shares``, for the timing at a factor of one.
+            y: d²u/dt², likewise; None for zero.
 
         Raises:
             Unreachable: If gravity, springs and dry friction alone exceed it at any speed, or a
@@ -168,12 +168,12 @@ class Strain:
         if (high := excess(most**2)) <= 0.0:
             return most
         if (low := excess(0.0)) >= 0.0:
-            raise self._unbearable(allowed)
-        if (scale := _root(excess, (0.0, low), (most**2, high))) < _NONE:
+            raise self._overload(allowed)
+        if (scale := _root(excess, (0.0, low), (most**2, high))) < _ZERO:
             raise Unreachable("a joint that moves has a limit of zero, so it may not move at all")
         return float(np.sqrt(scale))
 
-    def _unbearable(self, allowed: float) -> Unreachable:
+    def _overload(self, allowed: float) -> Unreachable:
         shares = abs(self.shares(0.0))
         i, column = np.unravel_index(np.argmax(shares), shares.shape)
         (quantity, joint), limit = self._capacity.columns[column], self._capacity.limits[column]
@@ -187,10 +187,10 @@ class Strain:
         )
 
 
-def moving(first: Array) -> NDArray[np.bool_]:
+def is_moving(first: Array) -> NDArray[np.bool_]:
     """Joints that move along a path, apart from rounding, by derivatives of shape (k, n)."""
     size = abs(first)
-    return np.asarray(size > _STILL * size.max(axis=1, keepdims=True))
+    return np.asarray(size > _REST_SHARE * size.max(axis=1, keepdims=True))
 
 
 def slowdown(
@@ -213,15 +213,15 @@ def slowdown(
         def shares(times: Array, pace: float = pace) -> Array:
             return Strain(capacity, *sample(times)).shares(pace**2)
 
-        times, values = closely(shares, edges)
-        if abs(values).max(initial=0.0) <= 1.0 - BETWEEN:
+        times, values = refined_shares(shares, edges)
+        if abs(values).max(initial=0.0) <= 1.0 - OVERSHOOT:
             return 1.0 / pace
-        pace = Strain(capacity, *sample(times)).pace(1.0 - 2.0 * BETWEEN, pace)
+        pace = Strain(capacity, *sample(times)).pace(1.0 - 2.0 * OVERSHOOT, pace)
     raise Unreachable("no pace of the motion keeps the limits")
 
 
-def closely(shares: Callable[[Array], Array], edges: Array) -> tuple[Array, Array]:
-    """Times between which no share of a limit rises further than by ``BETWEEN``.
+def refined_shares(shares: Callable[[Array], Array], edges: Array) -> tuple[Array, Array]:
+    """Times between which no share of a limit rises further than by ``OVERSHOOT``.
 
     Intervals are halved where a share, or the parabola through its values, could exceed one and
     the largest value found so far. It may curve twice as strongly as its second differences. In
@@ -244,13 +244,13 @@ def closely(shares: Callable[[Array], Array], edges: Array) -> tuple[Array, Arra
         peak = abs(used).max(axis=(1, 2), initial=0.0)
         rise = abs(np.diff(used, 2, axis=1)).max(axis=(1, 2), initial=0.0) / 4.0
         top = max(top, float(peak.max(initial=0.0)))
-        doubtful = (peak + rise > top) & (rise > BETWEEN * top)
+        doubtful = (peak + rise > top) & (rise > OVERSHOOT * top)
         if not doubtful.any():
             break
-        if doubtful.sum() > _MOST:
+        if doubtful.sum() > _LARGEST_COUNT:
             raise InvalidInput(
-                f"the motion bends in more than {_MOST} places, too many to check its limits; "
-                "allowed: smooth motions"
+                f"the motion bends in more than {_LARGEST_COUNT} places, too many to check its "
+                "limits; allowed: smooth motions"
             )
         low, high = low[doubtful], high[doubtful]
         middle = 0.5 * (low + high)
@@ -266,7 +266,7 @@ def _root(
     (a, below), (b, above) = low, high
     last = 0.0
     for _ in range(100):
-        step = _EXACT * b
+        step = _ROOT_ERROR * b
         if b - a <= 2.0 * step:
             break
         x = min(max((a * above - b * below) / (above - below), a + step), b - step)

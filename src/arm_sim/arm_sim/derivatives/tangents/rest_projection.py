@@ -109,10 +109,10 @@ def _stop_held(
     v_after = plant.mechanics.impact_map(x[: 2 * n], p, change, no_impulse)[0]
     gain = ca.jacobian(v_after, change)  # in which the impact is linear
     held = plant.layout.parts(p)[1] == 0
-    dv = dv - c.matrix(gain @ ca.diag(held)) @ dv
+    dv = dv - c.substitute(gain @ ca.diag(held)) @ dv
     if plant.model.stops.rigid.any():
         pressed = ca.logic_and(held, _pressed_at_rigid_stop(plant, *xup))
-        dq = dq - c.matrix(gain @ ca.diag(pressed)) @ dq
+        dq = dq - c.substitute(gain @ ca.diag(pressed)) @ dq
     return dq, dv
 
 
@@ -123,7 +123,7 @@ def _close_contacts(plant: Plant, c: Coefficients, x: ca.SX, p: ca.SX, dqv: ca.S
     closed = ca.sum1(Mode.of(plant.layout.parts(p)[-1]).closed) > 0
     settled = contact.closing()(x[: 2 * n], p)[0]
     loose = ca.horzcat(ca.SX(n, n), ca.SX.eye(n))
-    return c.matrix(ca.if_else(closed, settled, loose)) @ dqv
+    return c.substitute(ca.if_else(closed, settled, loose)) @ dqv
 
 
 def _pressed_at_rigid_stop(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
@@ -146,9 +146,9 @@ def _end(plant: Plant) -> tuple[ca.Function, ca.Function]:
         by_end, by_anchor = ca.horzsplit(
             contact.closing()(after, p)[1], [0, 2 * n, 2 * n + anchor.shape[0]]
         )
-        danchor = c.matrix(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
-        anchor_change = c.matrix(by_anchor) @ danchor
-        projected = ca.vertcat(c.matrix(by_end) @ dend[: 2 * n] + anchor_change, dend[2 * n :])
+        danchor = c.substitute(ca.jacobian(anchor, before)) @ dbegin[: 2 * n]
+        anchor_change = c.substitute(by_anchor) @ danchor
+        projected = ca.vertcat(c.substitute(by_end) @ dend[: 2 * n] + anchor_change, dend[2 * n :])
     return (
         ca.Function("end_coefficients", [begin, end, p], [c.values], {"cse": True}),
         ca.Function(

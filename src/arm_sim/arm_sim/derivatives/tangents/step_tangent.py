@@ -95,6 +95,6 @@ def command_tangent(plant: Plant) -> tuple[ca.Function, ca.Function]:
     x, r = ca.SX.sym("x", act.size1_in(0)), ca.SX.sym("r", act.size1_in(1))
     dx, dr = ca.SX.sym("dx", x.shape[0]), ca.SX.sym("dr", r.shape[0])
     u = act(x, r)
-    changes = c.matrix(ca.jacobian(u, x)) @ dx + c.matrix(ca.jacobian(u, r)) @ dr
+    changes = c.substitute(ca.jacobian(u, x)) @ dx + c.substitute(ca.jacobian(u, r)) @ dr
     acting = ca.Function("acting", [x, r], [u, c.values], {"cse": True})
     return acting, dense_function("command_jvp", [c.symbols, dx, dr], changes)

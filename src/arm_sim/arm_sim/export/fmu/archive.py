@@ -107,8 +107,7 @@ def _write(folder: Path, files: Mapping[str, str]) -> None:
 
 def _compile(folder: Path, *arguments: str) -> None:
     """Run the compiler in a folder."""
-    command = find_compiler()
-    if command is None:
+    if (command := find_compiler()) is None:
         raise CompilerMissing("an FMU contains a shared library, and there is no C compiler")
     process = subprocess.run(
         [*command, *_FLAGS, *arguments], cwd=folder, check=False, capture_output=True, text=True,

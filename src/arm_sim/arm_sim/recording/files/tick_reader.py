@@ -48,8 +48,7 @@ def read(bag: BagContents, path: Path) -> Contents:
         names = tuple(map(str, json.loads(metadata["joint_names"])))
     except (KeyError, ValueError) as error:
         raise InvalidInput(f"the recording does not name its joints: {error}") from None
-    changes = _messages(bag, CHANGE)
-    if not changes:
+    if not (changes := _messages(bag, CHANGE)):
         raise InvalidInput("the recording is truncated before its first state")
     last = msg.read(CHANGE, changes[-1].data)
     tunable = tuple(name for name in last.tunable if name != CONSTRAINTS)

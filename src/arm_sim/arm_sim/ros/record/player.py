@@ -81,8 +81,7 @@ class Player(Node):
         content = _messages(path, topics) if is_bag else _joint_states(path)
         self._pending: list[tuple[int, Any, bytes]] = []
         for (topic, kind), messages in content.items():
-            type_ = type_of(kind)
-            if type_ is None:
+            if (type_ := type_of(kind)) is None:
                 self.obstacles[topic] = f"type {kind} is not installed"
                 continue
             latched = topic.rpartition("/")[2] == ROBOT_DESCRIPTION.name

@@ -95,8 +95,7 @@ class TopicRecorder(Node):
 
     def _subscribe(self, topic: str, kind: str, offered: list[QoSProfile]) -> None:
         """Subscribe to a topic, compatibly with the qualities of service that are offered."""
-        type_ = type_of(kind)
-        if type_ is None:
+        if (type_ := type_of(kind)) is None:
             raise InvalidInput(f"type {kind} is not installed")
         # The weakest quality of service, which is compatible with every publisher.
         profile = QoSProfile(depth=_DEPTH)  # reliable and volatile

@@ -48,7 +48,7 @@ def of_bodies(
     """Columns of the torques of some links by numbers in which these are linear."""
     tree = tree_of(model)
     bodies = Tree(tuple(links), np.zeros(len(links)), tree.followers, tree.offsets)
-    return ca.jacobian(rigid_body.inverse(bodies, *state, gravity_of(model)), numbers)
+    return ca.jacobian(rigid_body.inverse_dynamics(bodies, *state, gravity_of(model)), numbers)
 
 
 def friction_columns(v: ca.SX, a: ca.SX, transition: Array) -> list[ca.SX]:

@@ -224,7 +224,7 @@ class _Search:
         """Constrained values at the instants, as one column, and their bounds."""
         room, model, n = self.room, self.room.model, self.room.model.n
         q, v, a = (ca.SX.sym(name, n) for name in "qva")
-        tau = rigid_body.inverse(tree_of(model), q, v, a, gravity_of(model))
+        tau = rigid_body.inverse_dynamics(tree_of(model), q, v, a, gravity_of(model))
         friction = model.friction.coulomb.mean * ca.tanh(v / (_SOFT * self.speed))
         tau += model.friction.smooth(v, q) + friction
         gaps, names = room.gaps

@@ -7,7 +7,7 @@ through M: which of them slide is a linear complementarity problem, solved by pi
 with the largest violation changes its mode until there is none; if that cycles, the first
 violating joint changes instead, a rule that cannot cycle (Murty, Linear Complementarity, Linear
 and Nonlinear Programming, 1988, section 4.1). Joints whose torques statics does not determine hold
-together: see ``indeterminate``. The simulator does the same in C, with contacts and stops.
+together: see ``indeterminate_sets``. The simulator does the same in C, with contacts and stops.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from numpy.typing import NDArray
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.gauss import constrained_motion, times
-from arm_dynamics.dynamics.indeterminate import indeterminate_sets
+from arm_dynamics.dynamics.indeterminate_sets import indeterminate_sets
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.loops.mass_metric import RANK
 
 # Tolerated acceleration of a sliding joint in the wrong direction, relative to the largest.
-SLACK = 1e-9
+REVERSAL_TOLERANCE = 1e-9
 # Acceleration of a constraint that is rounding, relative to the square of the speed.
-CARRYING = 1e-10
+CARRY_TOLERANCE = 1e-10
 # Number of joints up to which all sets of modes may be tried.
-ENUMERATED = 12
+LARGEST_ENUMERATION = 12
 
 type Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Points:
+class States:
     """Equations of motion of k states without friction: M a + bias + Aᵀλ = τ, A a + γ = 0.
 
     Attributes:
@@ -58,14 +58,14 @@ class Points:
     drift: Array
     rank: int
 
-    def at(self, rows: NDArray[np.intp]) -> Points:
+    def at(self, rows: NDArray[np.intp]) -> States:
         """The states of some rows."""
         arrays = ("q", "v", "tau", "M", "bias", "A", "drift")
         return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 
 
 @dataclass(frozen=True)
-class MotionAtRest:
+class StickingMotion:
     """Motions that follow from choices of sticking joints.
 
     Attributes:
@@ -79,7 +79,7 @@ class MotionAtRest:
     reaction: Array
 
 
-class AtRest:
+class Stiction:
     """Joints at rest with dry friction."""
 
     def __init__(self, friction: SteadyFriction) -> None:
@@ -89,7 +89,7 @@ class AtRest:
         """Which joints are at rest and may stick, booleans, shape as ``v``."""
         return np.asarray((v == 0.0) & (self._joints.level > 0.0))
 
-    def motion(self, points: Points) -> tuple[Array, Array]:
+    def motion(self, states: States) -> tuple[Array, Array]:
         """Motions that start from states with joints at rest.
 
         Returns:
@@ -98,42 +98,42 @@ class AtRest:
         Raises:
             InvalidInput: If no set of sticking joints satisfies the friction laws at a point.
         """
-        (k, n), m = points.v.shape, points.A.shape[1]
+        (k, n), m = states.v.shape, states.A.shape[1]
         a, multipliers = np.empty((k, n)), np.empty((k, m))
-        directions, reversed_once = self._guess(points), np.zeros((k, n), dtype=bool)
+        directions, reversed_once = self._initial_directions(states), np.zeros((k, n), dtype=bool)
         pending = np.arange(k)  # points at which a joint may still violate the laws
-        for turn in range(3 * n + 2 ** min(n, ENUMERATED)):
-            current, direction = points.at(pending), directions[pending]
+        for iteration in range(3 * n + 2 ** min(n, LARGEST_ENUMERATION)):
+            current, direction = states.at(pending), directions[pending]
             resting = self.resting(current.v)
-            motion = self._moved(current, direction, resting & (direction == 0.0))
+            motion = self._motion(current, direction, resting & (direction == 0.0))
             pull = self._joints.relative_hold(motion.reaction, current.q, current.tau)
             # Violation of the friction laws by each joint at rest: not positive if satisfied.
             level, size = self._joints.level, abs(motion.a).max(axis=1, keepdims=True)
-            backwards = -direction * motion.a / (1.0 + size) - SLACK
+            backwards = -direction * motion.a / (1.0 + size) - REVERSAL_TOLERANCE
             excess = np.where(direction == 0.0, (abs(pull) - level) / level.max(), backwards)
             excess = np.where(resting, excess, 0.0)
-            released = self._released(current, motion, direction, excess) if m else direction
+            released = self._release_sets(current, motion, direction, excess) if m else direction
             a[pending], multipliers[pending] = motion.a, motion.multipliers
             directions[pending] = released
             violating = np.flatnonzero((excess > 0.0).any(axis=1))
             if not len(violating):
                 return a, multipliers
-            begins = (released != direction)[violating].any(axis=1)
-            pending, violating = pending[violating], violating[~begins]
-            order = excess[violating] > 0.0 if turn >= 3 * n else excess[violating]
+            is_released = (released != direction)[violating].any(axis=1)
+            pending, violating = pending[violating], violating[~is_released]
+            order = excess[violating] > 0.0 if iteration >= 3 * n else excess[violating]
             joint = np.argmax(order, axis=1)
             # The modes of these entries change: they begin to slide, reverse, or stick.
-            entry = pending[~begins], joint
-            held, turns = directions[entry] == 0.0, ~reversed_once[entry] & (m > 0)
-            otherwise = np.where(turns, -directions[entry], 0.0)
-            reversed_once[entry] = ~held & turns
-            directions[entry] = np.where(held, np.sign(pull[violating, joint]), otherwise)
+            entry = pending[~is_released], joint
+            sticking, reverses = directions[entry] == 0.0, ~reversed_once[entry] & (m > 0)
+            otherwise = np.where(reverses, -directions[entry], 0.0)
+            reversed_once[entry] = ~sticking & reverses
+            directions[entry] = np.where(sticking, np.sign(pull[violating, joint]), otherwise)
         raise InvalidInput(
             "no set of sticking joints satisfies the friction laws: the motion is not determined"
         )
 
-    def _released(
-        self, points: Points, motion: MotionAtRest, direction: Array, excess: Array
+    def _release_sets(
+        self, states: States, motion: StickingMotion, direction: Array, excess: Array
     ) -> Array:
         """Directions after all that holds together and is beyond its limits has been released.
 
@@ -141,43 +141,44 @@ class AtRest:
         those with which they do.
         """
         signs = np.ones_like(direction), -np.ones_like(direction)
-        bears = np.stack([self._joints.most_held(s, points.q, points.tau) for s in signs])
+        bearing = np.stack([self._joints.most_held(s, states.q, states.tau) for s in signs])
         released = direction.copy()
         for k in np.flatnonzero(((direction == 0.0) & (excess > 0.0)).any(axis=1)):
-            held = self.resting(points.v[k]) & (direction[k] == 0.0)
-            for each in indeterminate_sets(points.A[k], held, motion.reaction[k], bears[:, k]):
-                motion.multipliers[k] += each.multipliers
-                excess[k, each.joints] = 0.0 if each.holds else 1.0
-                released[k, each.joints] = each.direction
+            sticking = self.resting(states.v[k]) & (direction[k] == 0.0)
+            reaction, limits = motion.reaction[k], bearing[:, k]
+            for group in indeterminate_sets(states.A[k], sticking, reaction, limits):
+                motion.multipliers[k] += group.multipliers
+                excess[k, group.joints] = 0.0 if group.holds else 1.0
+                released[k, group.joints] = group.direction
         return released
 
-    def _guess(self, points: Points) -> Array:
+    def _initial_directions(self, states: States) -> Array:
         """Initial modes: joints at rest stick, except those that a moving loop takes along."""
-        direction, resting = np.sign(points.v), self.resting(points.v)
+        direction, resting = np.sign(states.v), self.resting(states.v)
         carried = np.zeros_like(resting)
-        if points.A.shape[1]:
-            for k in np.flatnonzero(points.v.any(axis=1)):
-                carried[k] = _carried(points.A[k], points.drift[k], points.v[k], resting[k])
+        if states.A.shape[1]:
+            for k in np.flatnonzero(states.v.any(axis=1)):
+                carried[k] = _carried(states.A[k], states.drift[k], states.v[k], resting[k])
         if carried.any():
             forwards = np.where(carried, 1.0, direction)
-            a = self._moved(points, forwards, resting & ~carried).a
+            a = self._motion(states, forwards, resting & ~carried).a
             direction = np.where(carried, np.sign(a), direction)
         return direction
 
-    def _moved(self, points: Points, direction: Array, held: Flags) -> MotionAtRest:
-        """Motions in which ``held`` joints stick and the others slide in ``direction``."""
-        sliding, (q, v, tau) = ~held, (points.q, points.v, points.tau)
-        load = tau - points.bias - self._friction(v, direction, q, tau)
+    def _motion(self, states: States, direction: Array, sticking: Flags) -> StickingMotion:
+        """Motions in which the ``sticking`` joints stick and the others slide in ``direction``."""
+        sliding, (q, v, tau) = ~sticking, (states.q, states.v, states.tau)
+        load = tau - states.bias - self._friction(v, direction, q, tau)
         moving = sliding[:, :, None] & sliding[:, None, :]
-        M = np.where(moving, points.M, 0.0) + np.eye(v.shape[1]) * held[:, None, :]
-        A, forces = points.A * sliding[:, None, :], load * sliding
+        M = np.where(moving, states.M, 0.0) + np.eye(v.shape[1]) * sticking[:, None, :]
+        A, forces = states.A * sliding[:, None, :], load * sliding
         if A.shape[1]:
-            a, multipliers = constrained_motion(M, forces, A, points.drift, points.rank)
+            a, multipliers = constrained_motion(M, forces, A, states.drift, states.rank)
         else:
-            a, multipliers = np.linalg.solve(M, forces[..., None])[..., 0], points.drift
+            a, multipliers = np.linalg.solve(M, forces[..., None])[..., 0], states.drift
         a = a * sliding
-        reaction = load - times(points.M, a) - times(np.swapaxes(points.A, 1, 2), multipliers)
-        return MotionAtRest(a, multipliers, held * reaction)
+        reaction = load - times(states.M, a) - times(np.swapaxes(states.A, 1, 2), multipliers)
+        return StickingMotion(a, multipliers, sticking * reaction)
 
 
 def _carried(A: Array, drift: Array, v: Array, resting: Flags) -> Flags:
@@ -187,10 +188,11 @@ def _carried(A: Array, drift: Array, v: Array, resting: Flags) -> Flags:
     carried = np.zeros_like(resting)
     while True:
         moving = rows[:, ~resting | carried]
-        left = required - moving @ np.linalg.lstsq(moving, required, rcond=RANK)[0]
-        if abs(left).max() <= CARRYING * float(abs(v).max()) ** 2:
+        residual = required - moving @ np.linalg.lstsq(moving, required, rcond=RANK)[0]
+        if abs(residual).max() <= CARRY_TOLERANCE * float(abs(v).max()) ** 2:
             return carried
-        further = resting & ~carried & (abs(rows.T @ left) > CARRYING * abs(left).max())
-        if not further.any():
+        effect = abs(rows.T @ residual)
+        added = resting & ~carried & (effect > CARRY_TOLERANCE * abs(residual).max())
+        if not added.any():
             return carried
-        carried |= further
+        carried |= added

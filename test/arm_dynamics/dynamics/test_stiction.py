@@ -12,8 +12,8 @@ from scipy.optimize import linprog
 import models
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.dynamics.at_rest import AtRest, Points
-from arm_dynamics.dynamics.indeterminate import indeterminate_sets
+from arm_dynamics.dynamics.indeterminate_sets import indeterminate_sets
+from arm_dynamics.dynamics.stiction import States, Stiction
 from arm_sim import Simulator
 from models.touching import rails
 from tolerances import ALGEBRA, CLOSED_FORM, assert_close
@@ -102,8 +102,8 @@ def test_joints_that_would_change_their_modes_in_a_circle_are_settled() -> None:
     M = np.array([[4, -4, -4, -2], [-4, 8, -2, 4], [-4, -2, 14, 0], [-2, 4, 0, 7]], dtype=float)
     tau, still, none = np.array([[-5.0, 6.0, 1.0, -4.0]]), np.zeros((1, 4)), np.zeros((1, 0))
     model = Dynamics(scene("skew_axes", {"friction": {"coulomb": 1.0}})).model
-    points = Points(still, still, tau, M[None], still, none[:, :, None] * still, none, 0)
-    (a,), _ = AtRest(SteadyFriction.of(model)).motion(points)
+    points = States(still, still, tau, M[None], still, none[:, :, None] * still, none, 0)
+    (a,), _ = Stiction(SteadyFriction.of(model)).motion(points)
     assert_close(a, brute_force(M, tau[0], np.ones(4)), ALGEBRA)
 
 
