@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds the site from docs/, strictly: every warning is an error. Run by ``./arm docs``."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import webbrowser

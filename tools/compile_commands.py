@@ -9,8 +9,6 @@ export, a file of ``test/support/exported`` stands for what a library defines. T
 ``--check`` is 1 if the compiler refuses a file or warns.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -4,8 +4,6 @@
 ``./arm python tools/draw_architecture.py``; ``test/docs`` checks that it is up to date.
 """
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from xml.sax.saxutils import escape

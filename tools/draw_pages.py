@@ -4,8 +4,6 @@
 ``./arm python tools/draw_pages.py`` also prints what the code prints.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

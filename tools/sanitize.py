@@ -13,8 +13,6 @@ seen only between accesses in our own C; ``test_tick_threads.py`` does in C what
 node do in Python. The first finding ends the run, and its report is printed.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every term as a function of an arm's dynamics, q, v, and accelerations or torques."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

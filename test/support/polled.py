@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands from a function or a list, in place of the middleware; loops that tick in Python."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Iterable

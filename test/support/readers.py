@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readers of joint states, beside each other."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ Python sets any attribute of any object: ``simulator.dt = 0.01`` would change no
 built for another dt, without a word.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass, field, fields, is_dataclass

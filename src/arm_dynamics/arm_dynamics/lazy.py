@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lazy import of a package's names on first use (PEP 562)."""
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Callable

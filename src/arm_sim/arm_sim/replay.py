@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Replay of a recorded run, and comparison with the recording."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each entry of the table: code that is wrong anywhere is refused, whatever it is of."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm view``: what it shows, what it refuses, and arms of running nodes."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from types import SimpleNamespace

@@ -5,8 +5,6 @@ The tick is written once more as it is made, by evaluating its functions at comp
 it is the tick is asserted too. Modes of joints and contacts stay within these ticks.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The state in the middle of a step and the slopes at its ends, against SciPy's solution."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scaled error of a step, computed once more from its stages."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

@@ -3,8 +3,6 @@
 17 digits; coefficients are those of SciPy.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

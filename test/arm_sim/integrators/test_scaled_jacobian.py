@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The implicit method for long arms: the scaled Jacobian gives the step of the plain one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@
 Of two controllers the first one stays in control; the other is refused and reported.
 """
 
-from __future__ import annotations
-
 from ctypes import byref
 from unittest.mock import Mock
 

@@ -5,8 +5,6 @@ says what the running node said.
 ``--fuzz N`` makes the test N times as long; ``tools/sanitize.py`` runs it under sanitizers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from ctypes import CDLL, Structure, addressof, byref, c_int64, c_void_p
 from pathlib import Path

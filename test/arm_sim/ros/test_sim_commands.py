@@ -3,8 +3,6 @@
 the hardware of ros2_control sends them.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What holds the arm until it is commanded, and stops it when commands stop."""
 
-from __future__ import annotations
-
 import time
 from types import SimpleNamespace
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ticks that are made without the engine of events are those that it makes, bit for bit."""
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any
 

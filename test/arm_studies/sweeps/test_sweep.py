@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sweeps: each run is the closed loop with its values, regardless of worker and order."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

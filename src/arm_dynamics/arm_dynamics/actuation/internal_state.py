@@ -6,8 +6,6 @@ bristle its deflection: such a model defines additional states z, their derivati
 that it stores, receives and dissipates. The simulator integrates x = (q, v, z).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from enum import Enum, auto
 from typing import Protocol, Self

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The services of running nodes as functions: NumPy in, NumPy out, no spinning."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import fields

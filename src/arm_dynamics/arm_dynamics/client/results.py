@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Results of the services of a dynamics node, as arrays in their natural shapes."""
 
-from __future__ import annotations
-
 from typing import NotRequired, TypedDict
 
 import numpy as np

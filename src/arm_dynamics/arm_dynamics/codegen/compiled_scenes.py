@@ -7,8 +7,6 @@ if only this user or root can have written it, its digest matches and this proce
 instructions that it needs. The variable ARM_CACHE lists the folders; they are only read.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import os

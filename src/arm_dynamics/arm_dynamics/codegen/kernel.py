@@ -4,8 +4,6 @@
 They run as native code, or on CasADi's virtual machine if there is no compiler.
 """
 
-from __future__ import annotations
-
 import ctypes
 import logging
 from collections import Counter

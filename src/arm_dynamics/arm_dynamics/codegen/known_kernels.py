@@ -6,8 +6,6 @@ seconds for an arm of a hundred joints. A note in the user's own cache maps a re
 the source such as scene, method and versions, to its code.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 from functools import cache

@@ -5,8 +5,6 @@ A formula of expressions becomes code for an arm, in which gains are inputs: oth
 other code.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

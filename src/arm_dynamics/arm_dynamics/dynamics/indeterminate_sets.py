@@ -10,8 +10,6 @@ of that linear program is the motion in which the set gives way. The simulator d
 (``indeterminate.h``), with contacts and stops.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

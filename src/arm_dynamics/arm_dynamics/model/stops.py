@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """End stops of the joints: their positions and contact parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages for keys and values that the schema of a scene refuses."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, get_args

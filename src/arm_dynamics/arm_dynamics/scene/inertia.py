@@ -6,8 +6,6 @@ negative, and none is larger than the sum of the other two (triangle inequality:
 Slotine, IEEE Robotics and Automation Letters 3(1), 2018).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

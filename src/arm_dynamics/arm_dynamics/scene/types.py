@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Types of numbers in a scene, and the base class of its parts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated

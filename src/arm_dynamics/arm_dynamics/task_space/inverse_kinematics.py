@@ -6,8 +6,6 @@ kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27(5), 2011)
 reach a limit are held there while the others continue.
 """
 
-from __future__ import annotations
-
 from itertools import compress
 from typing import NamedTuple
 

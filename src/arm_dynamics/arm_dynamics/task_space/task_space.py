@@ -7,8 +7,6 @@ as M_x, V_x and G_x (Introduction to Robotics, section 6.9). The force s is that
 task space, as p is that of gravity, G.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any
 

@@ -7,8 +7,6 @@ become code. A formula is evaluated with numbers, which Pinocchio computes, and 
 alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntFlag

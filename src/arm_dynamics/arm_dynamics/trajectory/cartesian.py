@@ -6,8 +6,6 @@ turns about one fixed axis at constant rate in u (slerp; Shoemake, "Animating ro
 quaternion curves", SIGGRAPH 1985).
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

@@ -6,8 +6,6 @@ motors' voltages are computed at points of every segment, and at more of them wh
 exceed a limit in between by more than ``timing.scaling.OVERSHOOT`` of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property

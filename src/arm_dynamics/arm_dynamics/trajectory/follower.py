@@ -4,8 +4,6 @@
 Time is the stamp of the measured state as an integer of nanoseconds, so nothing drifts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

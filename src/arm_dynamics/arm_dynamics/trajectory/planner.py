@@ -5,8 +5,6 @@ A line to a pose, or a path through several: sampled straight segments, joined b
 spline.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

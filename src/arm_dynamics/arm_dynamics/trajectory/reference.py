@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """References: the desired motion at an instant, over time, and at points to pass."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

@@ -7,8 +7,6 @@ tick by the transposed derivative of the same step (``integrators.adjoints``). T
 much as four rollouts, for any number of torques. Ticks with events use their derivatives A, B, P.
 """
 
-from __future__ import annotations
-
 import ctypes
 from functools import cache, partial
 

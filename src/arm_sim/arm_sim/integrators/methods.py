@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one-step methods by name."""
 
-from __future__ import annotations
-
 from arm_dynamics.attributes import frozen
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.integrators import tableaux

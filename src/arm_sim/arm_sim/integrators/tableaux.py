@@ -5,8 +5,6 @@ Notation and most tableaux: Hairer, Nørsett, Wanner, Solving Ordinary Different
 2nd edition 1993 ("HNW").
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a reference or command to the effective command: controller, if any, then limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Energies that flow into and out of an arm, as additional states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

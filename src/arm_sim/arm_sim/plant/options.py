@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options of a scene's equation of motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Content of a recording, in memory and in files."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Origin of a recording: scene, method and versions."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -11,8 +11,6 @@ add up as in a loop that neither damps nor magnifies them. Windows in which both
 controlled instability makes them, are halved.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property

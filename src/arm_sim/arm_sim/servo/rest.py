@@ -6,8 +6,6 @@ microradian per second squared, and still go far. What would move it is looked a
 the answer does not depend on the tick.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulation and controller in one process, tick by tick: like the nodes, without messages."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Forces and energy losses of the contacts of a recorded run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

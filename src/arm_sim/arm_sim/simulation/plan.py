@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plan of a tick: the parts it computes and skips, and their cost."""
 
-from __future__ import annotations
-
 import time
 from functools import cached_property
 from textwrap import fill

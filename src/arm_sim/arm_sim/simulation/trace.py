@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a run of a simulator records, tick by tick."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contact forces at a state, and the reasons of failed ticks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

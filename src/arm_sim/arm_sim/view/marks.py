@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Positions of joints, forces, springs and active stops at an instant, by Pinocchio."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import field
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction of the joints from scene and URDF, checked together."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The condition of a node: findings, durations that are too long, and ``/diagnostics``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Source of a node's arm: a scene, or a robot description by parameter or topic."""
 
-from __future__ import annotations
-
 import time
 from contextlib import closing
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ The rules are those by which joint_trajectory_controller (ros2_controllers, Jazz
 but goals that ask for something it would silently ignore are refused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, make_dataclass
 from typing import Any

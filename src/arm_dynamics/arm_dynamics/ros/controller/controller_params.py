@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the controller node."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from arm_dynamics.control.factory import NAMES, Settings

@@ -5,8 +5,6 @@ Planning may take longer than a tick, so it runs in its own thread; a planned mo
 two ticks, at the reference from which it was planned. The newest goal takes precedence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

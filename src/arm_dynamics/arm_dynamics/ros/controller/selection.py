@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controllers that a node may run, and the active one, which may change in motion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

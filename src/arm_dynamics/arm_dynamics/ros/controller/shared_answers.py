@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What Python and C share to answer states: ``answers_t`` of answers.h."""
 
-from __future__ import annotations
-
 from ctypes import Structure, addressof
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ positions and velocities stay within tolerances of the reference; after the last
 reach their tolerances and joints stop within a given time.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from ctypes import Structure, byref

@@ -5,8 +5,6 @@ It runs between two answers to joint states and never waits, since rclpy would p
 coroutine.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from contextlib import AbstractContextManager

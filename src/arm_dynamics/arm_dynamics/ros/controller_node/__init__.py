@@ -4,8 +4,6 @@
 ``main`` begins at once: the node is imported later.
 """
 
-from __future__ import annotations
-
 import sys
 from typing import TYPE_CHECKING, NoReturn
 

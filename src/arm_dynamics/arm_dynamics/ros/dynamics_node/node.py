@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dynamics node: the equations of motion of an arm, as services."""
 
-from __future__ import annotations
-
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The format of the JointStates that a reader accepts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ its layout is passed to C, which reads it and all that follow. Why a message is 
 determined here.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 from collections.abc import Callable, Sequence

@@ -6,8 +6,6 @@ with the name of the offending element. It determines the joints and frames of a
 without loading Pinocchio.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from xml.etree import ElementTree
 

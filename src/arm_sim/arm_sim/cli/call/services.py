@@ -6,8 +6,6 @@ The comment of a field is read, too: its shape ``k*n``, its units ``[rad, m]``, 
 length of a list of names whose comment says m.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ Code is compiled at the first use; without a compiler the same functions run on 
 machine.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass

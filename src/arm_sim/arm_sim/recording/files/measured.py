@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of robots: joint states of a bag, or a table."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from contextlib import suppress

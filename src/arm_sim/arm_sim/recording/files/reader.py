@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags of ROS 2, read without ROS as far as they are intact: MCAP, SQLite, or a folder of them."""
 
-from __future__ import annotations
-
 import sqlite3
 import struct
 from collections.abc import Callable, Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables in text files: from bytes to text, rows and numbers; errors name row and column."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import math

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads recordings from the ticks and changes of an MCAP file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many arms to advance, from arguments that are checked."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Self
 

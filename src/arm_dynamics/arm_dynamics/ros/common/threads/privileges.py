@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Privileges of the thread that keeps a node's deadlines, with a clear message if denied."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 from contextlib import suppress
