@@ -79,7 +79,7 @@ def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
     with Image.open(tmp_path / "a.gif") as image:
         assert (image.n_frames, image.info["duration"]) == (4, 30)  # [ms]
     _, ground, links, clock = film._func(3)
-    np.testing.assert_array_equal(ground.get_xydata()[[1, 2, 5, 6], 0], [0.0, 0.0, 0.35, 0.35])
+    np.testing.assert_array_equal(ground.get_xydata()[[1, 4], 0], [0.0, 0.35])
     assert clock.get_text() == "0.09 s"
     crank, rocker = run.q[-1, 0], run.q[-1, 2]
     points = links.get_xydata()
@@ -93,8 +93,30 @@ def test_a_film_shows_the_plane_of_a_contact() -> None:
     contact = {"type": "contact", "frame": "tip", "plane": {"point": [0.0, 0.0, -0.3]}}
     scene = models.scene("two_link").model_dump(exclude_unset=True)
     _, _, edge, _, _ = Simulator(scene | {"constraints": [contact]}).run(0.05).animate()._func(0)
-    np.testing.assert_allclose(edge.get_ydata(), [-0.3, -0.3])
+    np.testing.assert_allclose(edge.get_ydata(), -0.3)
     assert edge.get_label() == "plane of contact" and np.ptp(edge.get_xdata()) > 0.5
+
+
+def test_a_film_in_space_keeps_the_lengths_of_links_and_its_path_has_every_step() -> None:
+    film, lengths = Simulator("panda").run(0.1, np.arange(7.0)).animate(), list[np.ndarray]()
+    for frame in (0, 3):
+        path, _, arm, _ = film._func(frame)
+        lengths.append(np.linalg.norm(np.diff(arm.get_data_3d()), axis=0))
+    np.testing.assert_allclose(*lengths, atol=1e-12)
+    assert len(path.get_data_3d()[0]) == 91
+
+
+def test_a_film_shows_rails_that_stay_and_rods_of_one_length() -> None:
+    run = Simulator("trebuchet").run(0.3)
+    film, (constraint,) = run.animate(), run.scene.constraints
+    for frame in (0, 9):
+        _, _, _, rod, rails, _ = film._func(frame)
+        length = np.linalg.norm(np.diff(rod.get_xydata()[:2], axis=0))
+        assert length == pytest.approx(constraint.distance, abs=1e-6)
+        first, carriage, last = rails.get_xydata()[:3]
+        assert first[1] == carriage[1] == last[1] == 0.0
+        assert carriage[0] == run.q[30 * frame, run.joint_names.index("stone_x")]
+        assert first[0] < carriage[0] < last[0]
 
 
 def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
