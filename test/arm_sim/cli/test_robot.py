@@ -175,17 +175,14 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
     assert seen.remarks() == ["stale: no joint state for 2.0 s", "sim: x: oh"]
 
 
-@pytest.mark.parametrize(
-    ("outcome", "off", "said"),
-    [
-        ("the motion ended, time went backwards; the arm is held", None, "reached: the motion en"),
-        ("following 2 points for 3.000 s", None, "reached: another goal has replaced it, followi"),
-        ("", None, "not reached: the controller holds the arm"),
-        ("", 0.01, "arrived"),
-        ("", 0.011, "stopped short: elbow is off by"),
-        ("", math.nan, "stopped short: elbow is off by"),
-    ],
-)
+@pytest.mark.parametrize(("outcome", "off", "said"), [
+    ("the motion ended, time went backwards; the arm is held", None, "reached: the motion en"),
+    ("following 2 points for 3.000 s", None, "reached: another goal has replaced it, followi"),
+    ("", None, "not reached: the controller holds the arm"),
+    ("", 0.01, "arrived"),
+    ("", 0.011, "stopped short: elbow is off by"),
+    ("", math.nan, "stopped short: elbow is off by"),
+])  # fmt: skip
 def test_only_an_arm_that_ends_where_it_was_sent_has_arrived(
     monkeypatch: pytest.MonkeyPatch, outcome: str, off: float | None, said: str
 ) -> None:

@@ -108,15 +108,13 @@ def test_a_film_in_space_keeps_the_lengths_of_links_and_its_path_has_every_step(
 
 def test_a_film_shows_rails_that_stay_and_rods_of_one_length() -> None:
     run = Simulator("trebuchet").run(0.3)
-    film, (constraint,) = run.animate(), run.scene.constraints
-    for frame in (0, 9):
-        _, _, _, rod, rails, _ = film._func(frame)
-        length = np.linalg.norm(np.diff(rod.get_xydata()[:2], axis=0))
-        assert length == pytest.approx(constraint.distance, abs=1e-6)
-        first, carriage, last = rails.get_xydata()[:3]
-        assert first[1] == carriage[1] == last[1] == 0.0
-        assert carriage[0] == run.q[30 * frame, run.joint_names.index("stone_x")]
-        assert first[0] < carriage[0] < last[0]
+    (constraint,), stone = run.scene.constraints, run.joint_names.index("stone_x")
+    _, _, _, rod, rails, _ = run.animate()._func(9)
+    length = np.linalg.norm(np.diff(rod.get_xydata()[:2], axis=0))
+    assert length == pytest.approx(constraint.distance, abs=1e-6)
+    first, carriage, last = rails.get_xydata()[:3, 0]
+    assert first < run.q[:, stone].min() < run.q[:, stone].max() < last
+    assert carriage == run.q[270, stone]
 
 
 def test_recordings_have_one_zero_one_legend_and_the_time_of_all() -> None:
@@ -160,7 +158,7 @@ def test_a_part_has_the_rows_that_are_asked_for(run: Recording) -> None:
     np.testing.assert_array_equal(held.part(range(100, 300, 20)).hold, held.hold[100:300:20])
     np.testing.assert_array_equal(run.part(run.time > 0.2001).time, run.time[201:])
     nothing = run.part(run.time > 1.0)
-    assert nothing.energy.shape == nothing.stored.shape == (0,) and not len(nothing.multipliers)
+    assert nothing.energy.shape == nothing.stored.shape == (0,)
     with pytest.raises(InvalidInput, match="without states has nothing to draw"):
         nothing.plot()
 

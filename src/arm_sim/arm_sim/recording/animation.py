@@ -13,7 +13,7 @@ from arm_dynamics.writing import warn_if_replaced, writing
 from arm_sim.figures import COLORS, animation
 from arm_sim.progress import Progress
 from arm_sim.recording.motion import RecordedMotion
-from arm_sim.recording.stick_figure import StickFigure
+from arm_sim.recording.stick_figure import Points, StickFigure
 
 _STILL = 1e-6  # motion, relative to that in another direction, which is none
 _BASE = {"color": "0.4", "marker": "^", "markersize": 9.0, "markevery": (1, 3), "label": "base"}
@@ -35,7 +35,7 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
     rows = np.searchsorted(recording.time, due - 1e-9)
     time, states = recording.time[rows], recording.q[rows]
     figure = StickFigure(recording.dynamics.model, recording.q)
-    lines = [
+    lines: list[tuple[Points, dict[str, Any]]] = [
         (figure.ground, _BASE), *((plane, _PLANE) for plane in figure.planes),
         (figure.arm, {"label": "arm"}), (figure.rods, _ROD), (figure.rails, _RAIL),
     ]  # fmt: skip

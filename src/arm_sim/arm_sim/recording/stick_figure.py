@@ -50,8 +50,8 @@ class StickFigure:
             slide = np.ravel(tree.joints[joint].createData().S)[:3]
             if slide.any():
                 travel = np.append(configurations[:, tree.joints[joint].idx_q], 0.0)
-                ends = np.outer([travel.min() - spare, travel.max() + spare], slide)
-                first, last = ((parent, place.act(end)) for end in ends)
+                rail = np.outer([travel.min() - spare, travel.max() + spare], slide)
+                first, last = ((parent, place.act(end)) for end in rail)
                 self.rails += [first, (joint, _ORIGIN), last, _GAP]
         for rod in model.scene.constraints:
             if isinstance(rod, DistanceConstraint):

@@ -18,7 +18,7 @@ from arm_sim.exceptions import SimulationDiverged
 from arm_sim.inputs import torque, torque_table
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.recording.recording import Recording
-from arm_sim.recording.witness import Control as Again
+from arm_sim.recording.second_run import Control as Again
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace

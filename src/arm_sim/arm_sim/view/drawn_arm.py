@@ -245,12 +245,8 @@ class DrawnArm:
             return self._scene.add_glb(name, data, scale=scale, **place)
         size, colour = visual.size, visual.colour or shapes.METAL
         wide, opacity = size[0], colour[3]
-        solid = opacity >= 1.0
-        look = {
-            "color": _bytes(colour),
-            "opacity": None if solid else opacity,
-            "cast_shadow": solid,
-        }
+        clear = {"opacity": opacity, "cast_shadow": False} if opacity < 1.0 else {}
+        look = {"color": _bytes(colour), **clear}
         if kind == "box":
             return self._scene.add_box(name, dimensions=size, **look, **place)
         if kind == "cylinder":

@@ -158,7 +158,7 @@ def draw(
     prefix, scale = ("m", 1e3) if abs(run.error).max() > 1e-4 else ("µ", 1e6)
     unit = units(types, f"{prefix}rad", f"{prefix}m")
     title = (
-        f"{n['robot']}: computed torque at {1e-3 * n['wanted_rate']:g} kHz, tracking error "
+        f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
         f"{scale * n['error_rms']:.3g} {unit} RMS"
     )
     joints = most_moved(run.position)

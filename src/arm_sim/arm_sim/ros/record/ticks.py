@@ -78,15 +78,15 @@ class TickRecorder:
         self.file = TickFile(new_file(path), arm.origin, arm.joint_names, prefix, states)
         channel = self.file.channel
         self.channels = {topic: channel(topic, *about) for topic, about in topics.items()}
-        self.channels[states] = self.file.states
+        self.channels[states] = self.file.state_channel
         self.thread = ChunkThread(self.file, on_failure)
-        self._copy = TickCopy(arm, self.file.ticks, self.file.states)
+        self._copy = TickCopy(arm, self.file.tick_channel, self.file.state_channel)
         self._published = deque[tuple[int, bytes]](maxlen=1)
         self._waiting = deque[tuple[int, int, bytes]]()
         self._continuous = True  # whether every tick since the last complete state is in the file
         self._plant, self._p = arm.plant, b""
         self.lost = 0
-        self.thread.add(self.file.robot, time.time_ns(), 0, self.file.urdf)
+        self.thread.add(self.file.robot_channel, time.time_ns(), 0, self.file.description)
         self._begin("start")
         ticks = engine.ticks
         ticks.copy, ticks.chunk = addressof(self._copy), None
@@ -157,7 +157,7 @@ class TickRecorder:
                 channel, stamp, data = self._waiting.popleft()
                 messages.append((channel, stamp or now, data))
             while self._published:
-                messages.append((self.file.states, *self._published.popleft()))
+                messages.append((self.file.state_channel, *self._published.popleft()))
             if messages:
                 self.thread.add_all(now, messages)
         finally:
@@ -167,7 +167,7 @@ class TickRecorder:
         """Record an event; may be called from any thread."""
         stamp = self._engine.stamp
         message = log_message(stamp, level, self._name, text)
-        self._waiting.append((self.file.log, stamp, message))
+        self._waiting.append((self.file.log_channel, stamp, message))
         self._flush(wait=False)
 
     def _staleness(self) -> None:
@@ -188,7 +188,7 @@ class TickRecorder:
             CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=arm.x,
             substep=substep, error=error, time_stepped=stepped,
         )  # fmt: skip
-        return self.thread.add(self.file.changes, time.time_ns(), stamp, change)
+        return self.thread.add(self.file.change_channel, time.time_ns(), stamp, change)
 
     def report(self) -> dict[str, Any]:
         """Summary: ticks, losses, bytes, and the thread's processor time in [s]."""
