@@ -249,8 +249,7 @@ def test_multipliers_are_of_the_constraints_that_hold_at_each_time() -> None:
             sim.set_constraint("table", False)
         return [0.0, 0.0]
 
-    run = sim.run(0.02, control)
-    found = run.multipliers
+    found = (run := sim.run(0.02, control)).multipliers
     assert abs(held).min() > 1.0
     assert_close(found[:10], held[:10], PINOCCHIO)
     assert not found[10:].any()

@@ -15,7 +15,7 @@ from arm_sim.progress import Progress
 from arm_sim.recording.motion import RecordedMotion
 from arm_sim.recording.stick_figure import Points, StickFigure
 
-_STILL = 1e-6  # motion, relative to that in another direction, which is none
+_TOLERANCE = 1e-6  # relative to the motion in another direction: less is none
 _BASE = {"color": "0.4", "marker": "^", "markersize": 9.0, "markevery": (1, 3), "label": "base"}
 _RAIL = {"color": "0.6", "linewidth": 1.2, "marker": "s", "markersize": 8.0, "markevery": (1, 4),
          "markerfacecolor": COLORS[0], "label": "rail"}  # fmt: skip
@@ -65,5 +65,5 @@ def _axes(points: Array) -> list[int]:
     """
     moved = np.nanmax(np.ptp(points, axis=0), axis=0)
     extent = np.ptp(points[~np.isnan(points).any(axis=2)], axis=0)
-    still = [i for i in np.argsort(extent, kind="stable") if moved[i] <= _STILL * max(moved)]
+    still = [i for i in np.argsort(extent, kind="stable") if moved[i] <= _TOLERANCE * max(moved)]
     return [i for i in range(3) if i not in still[:1]]

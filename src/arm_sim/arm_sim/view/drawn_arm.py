@@ -15,7 +15,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel, postures
 from arm_sim.view import shapes
 from arm_sim.view.framing import direction, keep_framed
-from arm_sim.view.marks import Instant, Marker, Marks
+from arm_sim.view.marks import ArmMarks, Instant, Marker
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,12 +34,12 @@ CONTACT, CONE, TIE, SPRING, STOP, PATH, WHOLE, MOUSE = (
 # Of a legend: mark, colour and meaning
 type Row = tuple[str, tuple[int, ...], str]
 
-LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
-SHORTEST = 0.1  # length of an arrow, likewise
-LEAST = 3e-3  # force, relative to the arm's weight, that has an arrow
-KEPT = 300  # points of the path behind the end effector
+MAX_LENGTH = 0.6  # of an arrow, relative to the reach; half of it represents the arm's weight
+MIN_LENGTH = 0.1  # of an arrow, relative to the reach
+MIN_FORCE = 3e-3  # that has an arrow, relative to the arm's weight
+PATH_POINTS = 300  # points of the path behind the end effector
 _POSTURES = 300  # among which the lowest point of an arm is found
-_FRAMED = 100  # postures of a recording that its picture is fitted to
+_FRAMED_POSTURES = 100  # postures of a recording that its picture is fitted to
 _TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 _CIRCLE = np.column_stack([np.cos(_TURN), np.sin(_TURN), 0.0 * _TURN])
 
@@ -108,14 +108,14 @@ class DrawnArm:
         jacobian = model.pin, model.pin.createData(), model.configuration(model.q0)
         self.axes = pin.computeJointJacobians(*jacobian)[3:]
         self.lowest = float(self.marker.at(Instant(model.q0)).position[:, 2].min())
-        self._hangs = any(visual.name in (shapes.PIVOT, shapes.RAIL) for visual in visuals)
-        if self._hangs:
+        self._has_pivots = any(visual.name in (shapes.PIVOT, shapes.RAIL) for visual in visuals)
+        if self._has_pivots:
             swing = self._extent(postures(model, _POSTURES)) - self.base
             reached = self.base + np.clip(swing, -self.size, self.size)  # rails go on for ever
             self.extent = np.vstack([self.extent, reached])
             self.lowest = min(self.lowest, max(float(swing[:, 2].min()), -2 * self.size))
 
-    def draw(self, instant: Instant, leave_path: bool = False) -> Marks:
+    def draw(self, instant: Instant, leave_path: bool = False) -> ArmMarks:
         """Draw an instant; the caller groups changes that appear together."""
         marks = self.marker.at(instant)
         joints = zip(self._joints.values(), marks.position, marks.rotation, strict=True)
@@ -127,11 +127,11 @@ class DrawnArm:
         self._marks["friction cones"].set(_cones(arrows, contacts[:, 2]))
         self._marks["constraint forces"].set(self._arrows(self._visible(marks.constraints)))
         self._marks["springs"].set(_coils(marks.springs, self.size))
-        for ball, stopped in zip(self._stops, marks.stopped, strict=True):
-            ball.visible = bool(stopped)
+        for ball, at_stop in zip(self._stops, marks.at_stop, strict=True):
+            ball.visible = bool(at_stop)
         way = np.linalg.norm(marks.hand - self._path[-1]) if self._path else np.inf
         if leave_path and way > 2e-3 * self.size:
-            self._path = [*self._path[-KEPT:], marks.hand]
+            self._path = [*self._path[-PATH_POINTS:], marks.hand]
             self._marks["path"].set(_pairs(np.array(self._path)))
         return marks
 
@@ -142,7 +142,7 @@ class DrawnArm:
 
     def show_path(self, q: Array) -> None:
         """Draw the path of the end effector of a recording with these positions, shape (k, n)."""
-        self.extent = self._extent(q[:: -(-len(q) // _FRAMED)])
+        self.extent = self._extent(q[:: -(-len(q) // _FRAMED_POSTURES)])
         self._marks["whole path"].set(_pairs(self.marker.path(q)))
 
     def legend(self) -> Iterator[Row]:
@@ -151,7 +151,7 @@ class DrawnArm:
         scene, springs, stops = model.scene, model.springs.points, model.stops.limit
         whole_path = not self._marks["whole path"].empty
         for exists, mark, colour, text in (
-            (self._hangs, "●", _bytes(shapes.BEARING), "pivot or rail"),
+            (self._has_pivots, "●", _bytes(shapes.BEARING), "pivot or rail"),
             (scene.payloads, "●", _bytes(shapes.LOAD), "payload"),
             (scene.contacts, "●", _bytes(shapes.TOUCH), "point of contact"),
             (scene.contacts, "■", _bytes(shapes.SURFACE), "plane of contact"),
@@ -187,12 +187,12 @@ class DrawnArm:
     def _visible(self, forces: Array) -> Array:
         """Forces that have an arrow."""
         size = np.linalg.norm(forces[:, 1], axis=1)
-        return np.asarray(forces[size > LEAST * self._weight])
+        return np.asarray(forces[size > MIN_FORCE * self._weight])
 
     def _arrows(self, forces: Array) -> Array:
         """Arrows of points and forces: start and end points; none is very long or short."""
         size = np.linalg.norm(forces[:, 1], axis=1)
-        length = self.size * np.maximum(LONGEST * size / (size + self._weight), SHORTEST)
+        length = self.size * np.maximum(MAX_LENGTH * size / (size + self._weight), MIN_LENGTH)
         way = forces[:, 1] * (length / size)[:, None]
         return np.stack([forces[:, 0], forces[:, 0] + way], axis=1)
 
