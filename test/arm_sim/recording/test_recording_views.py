@@ -9,7 +9,7 @@ from matplotlib import pyplot
 from PIL import Image
 
 import models
-from arm_dynamics import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, NotWritten
 from arm_sim import Recording, Simulator, State
 from arm_sim.servo import JointCommand
 
@@ -75,14 +75,14 @@ def test_what_is_zero_has_no_panel_and_curves_that_coincide_are_one() -> None:
 def test_a_film_shows_the_motion_thirty_times_a_second(tmp_path: Path) -> None:
     run = Simulator(models.SCENES / "four_bar.yaml").run(0.09)
     film = run.animate(tmp_path / "a.gif")
+    pytest.raises(NotWritten, run.animate, tmp_path / "none/a.gif")
     assert "<video" in film._repr_html_() or "<img" in film._repr_html_()
     with Image.open(tmp_path / "a.gif") as image:
         assert (image.n_frames, image.info["duration"]) == (4, 30)  # [ms]
     _, ground, links, clock = film._func(3)
     np.testing.assert_array_equal(ground.get_xydata()[[1, 4], 0], [0.0, 0.35])
     assert clock.get_text() == "0.09 s"
-    crank, rocker = run.q[-1, 0], run.q[-1, 2]
-    points = links.get_xydata()
+    (crank, _, rocker), points = run.q[-1], links.get_xydata()
     for end in ([0.1 * np.cos(crank), 0.1 * np.sin(crank)],
                 [0.35 + 0.25 * np.cos(rocker), 0.25 * np.sin(rocker)]):  # fmt: skip
         assert np.nanmin(np.linalg.norm(points - end, axis=1)) < 1e-9
