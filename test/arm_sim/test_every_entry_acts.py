@@ -29,7 +29,7 @@ from models.every_key import SCENES, at, built, entries, parts_in
 ELSEWHERE = {
     "robot.urdf": "of every scene",
     "constraints.rolling.points": "the second is unused, as the reference says",
-    "sim.accuracy": "of the verdict on a motion: recording/test_witness.py",
+    "sim.accuracy": "of the verdict on a motion: recording/test_second_run.py",
     "robot.xacro": "in place of a URDF: scene/test_xacro.py",
     "robot.arguments": "likewise",
 }

@@ -147,24 +147,25 @@ def units(joint_types: Iterable[str], turning: str, sliding: str, between: str =
 
 
 def animation(
-    time: Array, chains: Sequence[Chain], *, trail: Chain | None = None, speed: float = 1.0,
-    size: tuple[float, float] = (4.4, 4.4), title: str = "", frames: int | None = None,
-    axes: str = "xz",
+    time: Array, chains: Sequence[Chain], *, trail: Chain | None = None,
+    trail_time: Array | None = None, speed: float = 1.0, size: tuple[float, float] = (4.4, 4.4),
+    title: str = "", frames: int | None = None, axes: str = "xz",
 ) -> Any:  # fmt: skip
-    """An animated stick figure: polylines over time, in a plane with equal axes.
+    """An animated stick figure: polylines over time, in a plane or in space, with equal axes.
 
     Args:
         time: Of a recording in [s], shape (k,).
-        chains: Polylines in [m], each of shape (k, m, 2), or (m, 2) if it does not move; or a
-            pair of that and properties of Matplotlib's ``Line2D``, of which a ``label`` is shown
-            below the axes. NaN is not drawn.
-        trail: Points whose path is drawn up to the current time, in [m], shape (k, 2), or a pair
+        chains: Polylines in [m], each of shape (k, m, d), or (m, d) if it does not move, for d
+            axes; or a pair of that and properties of Matplotlib's ``Line2D``, of which a
+            ``label`` is shown below the axes. NaN is not drawn.
+        trail: Points whose path is drawn up to the current time, in [m], shape (k, d), or a pair
             likewise.
+        trail_time: Times of these points in [s], if they are not those of the recording.
         speed: Speed of the animation relative to real time.
         size: In inches.
         title: Title of the figure.
         frames: Largest number of frames; None for 30 per second.
-        axes: Names of the horizontal and of the vertical axis.
+        axes: Names of the d axes: of the horizontal and of the vertical one, or "xyz".
 
     Returns:
         A ``matplotlib.animation.FuncAnimation``, which a notebook shows as a film; keep it as long
@@ -180,32 +181,39 @@ def animation(
     if not speed > 0.0:
         raise InvalidInput(f"speed = {speed}; allowed: more than 0")
     time = np.asarray(time, dtype=np.float64)
-    polylines = [_polyline(chain, len(time)) for chain in chains]
+    polylines = [_polyline(chain, len(time), len(axes)) for chain in chains]
     path, style = trail if isinstance(trail, tuple) else (trail, {})
-    path = np.full((len(time), 2), np.nan) if path is None else np.asarray(path)
-    _polyline(path[:, None], len(time))  # whose shape it checks
+    path = np.full((len(time), len(axes)), np.nan) if path is None else np.asarray(path)
+    path_time = time if trail_time is None else np.asarray(trail_time)
+    _polyline(path[:, None], len(path_time), len(axes))  # whose shape it checks
     frames = frames or round(RATE * (time[-1] - time[0]) / speed) + 1
     rows = np.linspace(0, len(time) - 1, min(len(time), frames)).round().astype(int).tolist()
-    extent = np.vstack([*(points.reshape(-1, 2) for points, _ in polylines), path])
+    extent = np.vstack([*(points.reshape(-1, len(axes)) for points, _ in polylines), path])
+    in_space = {"projection": "3d", "proj_type": "ortho"} if len(axes) == 3 else {}
     plt.draw_if_interactive()  # loads the backend, which may set rcParams to stay
     with mpl.rc_context(STYLE | {"figure.constrained_layout.use": True}):
-        fig, plane = plt.subplots(figsize=size, dpi=FILM_DPI)
-        plane.set(xlabel=f"{axes[0]} [m]", ylabel=f"{axes[1]} [m]", title=title)
-        plane.locator_params(nbins=7)
-        track = plane.plot([], [], **{"color": COLORS[1], "linewidth": 1.2} | style)[0]
-        lines = [plane.plot([], [], **properties)[0] for _, properties in polylines]
+        fig, picture = plt.subplots(figsize=size, dpi=FILM_DPI, subplot_kw=in_space)
+        labels = {f"{own}label": f"{name} [m]" for own, name in zip("xyz", axes, strict=False)}
+        picture.set(title=title, **labels)
+        picture.locator_params(nbins=5 if in_space else 7)
+        nothing = np.zeros((len(axes), 0))
+        track = picture.plot(*nothing, **{"color": COLORS[1], "linewidth": 1.2} | style)[0]
+        lines = [picture.plot(*nothing, **properties)[0] for _, properties in polylines]
         legend_outside(fig, below=True)
-        clock = plane.text(1.0, 1.02, f"{time[-1]:.2f} s", transform=plane.transAxes, ha="right")
+        clock = picture.set_title(f"{time[-1]:.2f} s", loc="right", size=9.0, weight="normal")
         for _ in range(2):  # limits follow from the layout, and labels of ticks from limits
-            fill_with(plane, extent)
+            fill_with(picture, extent)
             fig.canvas.draw()
         fig.set_layout_engine("none")  # that of this frame is that of all
-        fill_with(plane, extent)
+        fill_with(picture, extent)
+
+    def place(line: Any, points: Array) -> None:
+        (line.set_data_3d if in_space else line.set_data)(*points.T)
 
     def show(k: int) -> list[Any]:
         for line, (points, _) in zip(lines, polylines, strict=True):
-            line.set_data(*points[k].T)
-        track.set_data(*path[: k + 1].T)
+            place(line, points[k])
+        place(track, path[: np.searchsorted(path_time, time[k], side="right")])
         clock.set_text(f"{time[k]:.2f} s")
         return [track, *lines, clock]
 
@@ -218,28 +226,33 @@ def animation(
 
 
 def fill_with(axes: Any, points: Array) -> None:
-    """Set limits around points, shape (k, 2), of one scale, such that the axes keep their size.
+    """Set limits around points, shape (k, 2 or 3), of one scale, such that the axes keep their size.
 
-    NaN is ignored.
+    In a plane the axes keep their size.
     """
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     span = high - low + 2.0 * MARGIN * max(high - low)
-    span = span if span.any() else np.full(2, 2.0)
+    span = span if span.any() else np.full(len(low), 2.0)
+    if len(span) == 3:
+        limits = zip((low + high - span) / 2, (low + high + span) / 2, strict=True)
+        axes.set(**dict(zip(("xlim", "ylim", "zlim"), limits, strict=True)))
+        axes.set_box_aspect(span, zoom=0.9)  # leaves room for the labels
+        return
     box = np.array(axes.get_window_extent().size)
     half = 0.5 * box * max(span / box)
     (left, right), (bottom, top) = np.transpose([(low + high) / 2 - half, (low + high) / 2 + half])
     axes.set(xlim=(left, right), ylim=(bottom, top))
 
 
-def _polyline(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
-    """A polyline at every time, and how it is drawn."""
+def _polyline(chain: Chain, count: int, d: int) -> tuple[Array, dict[str, Any]]:
+    """A polyline of d axes at every time, and how it is drawn."""
     points, properties = chain if isinstance(chain, tuple) else (chain, {})
     points = np.asarray(points, dtype=np.float64)
     still = points.ndim == 2
-    if points.ndim not in (2, 3) or points.shape[-1] != 2 or not (still or len(points) == count):
+    if points.ndim not in (2, 3) or points.shape[-1] != d or not (still or len(points) == count):
         raise InvalidInput(
             f"a polyline of shape {points.shape} does not match {count} times; allowed: "
-            f"({count}, m, 2), or (m, 2) if it does not move"
+            f"({count}, m, {d}), or (m, {d}) if it does not move"
         )
     style = {"color": "0.6"} if still else {"color": COLORS[0], "marker": "o", "linewidth": 2.5}
     return np.broadcast_to(points, (count, *points.shape[-2:])), style | properties

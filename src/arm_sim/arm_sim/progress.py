@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The progress of a run, or of a film of it, that takes long."""
+"""Reports of the progress of long runs, and of the drawing of their films."""
 
 import logging
 import sys
@@ -14,15 +14,19 @@ _log = logging.getLogger(__name__)
 
 
 class Progress:
-    """Reports how many of ``total`` [s] of motion are ``done``, if it takes long.
+    """Reports how much of a motion is simulated or drawn, if that takes long.
 
     On a terminal and in a notebook it is a line on stderr that is overwritten and finally erased.
     Where messages of level INFO are logged, it is one of them after 2, 4, 8 … seconds instead; a
     level above WARNING silences both.
+
+    Args:
+        total: Duration of the motion in [s].
+        activity: What is done with it, as "simulated".
     """
 
-    def __init__(self, total: float, done: str = "simulated") -> None:
-        self._total, self._done, self._begin = total, done, perf_counter()
+    def __init__(self, total: float, activity: str = "simulated") -> None:
+        self._total, self._activity, self._begin = total, activity, perf_counter()
         self._due, self._line_length = self._begin + DELAY, 0
 
     def update(self, time: float) -> None:
@@ -32,7 +36,7 @@ class Progress:
         elapsed = now - self._begin
         remaining = (self._total - time) * elapsed / time if time else float("inf")
         text = (
-            f"{time:.6g} of {self._total:.6g} s {self._done}, {time / elapsed:.3g} times real "
+            f"{time:.6g} of {self._total:.6g} s {self._activity}, {time / elapsed:.3g} times real "
             f"time, {remaining:.0f} s left"
         )
         if _log.isEnabledFor(logging.INFO):

@@ -65,15 +65,12 @@ def test_task_space(arm: Any) -> None:
     assert f"effective mass [kg, kg m²]: {mass:.6g}" in shown
 
 
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        ("inverse-dynamics --position 1,2,3", "refused: position has 3 numbers"),
-        ("inverse-dynamics --position wrist=1", "unknown joint 'wrist'; allowed: "),
-        ("task-space --frame tip --direction x=1 --position 1,2", "--direction: numbers without "),
-        ("step", "refused: the simulation is running"),
-    ],
-)
+@pytest.mark.parametrize(("line", "said"), [
+    ("inverse-dynamics --position 1,2,3", "refused: position has 3 numbers"),
+    ("inverse-dynamics --position wrist=1", "unknown joint 'wrist'; allowed: "),
+    ("task-space --frame tip --direction x=1 --position 1,2", "--direction: numbers without "),
+    ("step", "refused: the simulation is running"),
+])  # fmt: skip
 def test_refusals(arm: Any, line: str, said: str) -> None:
     result = arm(*line.split())
     assert result.exit_code == 1 and said in result.output and "Traceback" not in result.output

@@ -65,14 +65,11 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.parametrize(
-    ("program", "package", "status", "said"),
-    [
-        (("-m", "arm_sim.cli", "sim", "panda"), "rclpy", 0, "starting the simulator …\n"),
-        (("-m", "arm_studies.cli", "describe", "panda"), "click", 1, "\nAborted!\n"),
-        (("-m", "arm_sim.cli", "watch"), "rclpy", 1, "Aborted!\n"),
-    ],
-)
+@pytest.mark.parametrize(("program", "package", "status", "said"), [
+    (("-m", "arm_sim.cli", "sim", "panda"), "rclpy", 0, "starting the simulator …\n"),
+    (("-m", "arm_studies.cli", "describe", "panda"), "click", 1, "\nAborted!\n"),
+    (("-m", "arm_sim.cli", "watch"), "rclpy", 1, "Aborted!\n"),
+])  # fmt: skip
 def test_an_interruption_during_imports_leaves_no_traceback(
     program: tuple[str, ...], package: str, status: int, said: str, tmp_path: Path
 ) -> None:

@@ -24,7 +24,7 @@ from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim.cli.robot import go
 from arm_sim.cli.robot.controller import Controller
-from arm_sim.cli.robot.go import LEAST, parse, targets, unhurried
+from arm_sim.cli.robot.go import SHORTEST_MOTION, parse, targets, unhurried
 from arm_sim.cli.robot.listener import Listener
 from arm_sim.cli.robot.watch import WatchedArm
 
@@ -43,7 +43,7 @@ def test_no_joint_hurries_when_no_duration_is_given() -> None:
     """A quintic from rest to rest is fastest in its middle, at 15/8 of its mean speed."""
     seconds = unhurried({"a": 2.0, "b": 0.0}, {"a": -1.0, "b": 0.5})
     assert 15.0 / 8.0 * 3.0 / seconds == pytest.approx(1.0)
-    assert unhurried({"a": 1e-6, "b": 1.0}, {"a": 0.0}) == LEAST
+    assert unhurried({"a": 1e-6, "b": 1.0}, {"a": 0.0}) == SHORTEST_MOTION
 
 
 ros = pytest.mark.ros
@@ -175,17 +175,14 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
     assert seen.remarks() == ["stale: no joint state for 2.0 s", "sim: x: oh"]
 
 
-@pytest.mark.parametrize(
-    ("outcome", "off", "said"),
-    [
-        ("the motion ended, time went backwards; the arm is held", None, "reached: the motion en"),
-        ("following 2 points for 3.000 s", None, "reached: another goal has replaced it, followi"),
-        ("", None, "not reached: the controller holds the arm"),
-        ("", 0.01, "arrived"),
-        ("", 0.011, "stopped short: elbow is off by"),
-        ("", math.nan, "stopped short: elbow is off by"),
-    ],
-)
+@pytest.mark.parametrize(("outcome", "off", "said"), [
+    ("the motion ended, time went backwards; the arm is held", None, "reached: the motion en"),
+    ("following 2 points for 3.000 s", None, "reached: another goal has replaced it, followi"),
+    ("", None, "not reached: the controller holds the arm"),
+    ("", 0.01, "arrived"),
+    ("", 0.011, "stopped short: elbow is off by"),
+    ("", math.nan, "stopped short: elbow is off by"),
+])  # fmt: skip
 def test_only_an_arm_that_ends_where_it_was_sent_has_arrived(
     monkeypatch: pytest.MonkeyPatch, outcome: str, off: float | None, said: str
 ) -> None:

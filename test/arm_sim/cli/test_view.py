@@ -195,7 +195,7 @@ def test_curves_and_silence_are_those_of_each_arm(
     server: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From its first news on, or from where it began again."""
-    monkeypatch.setattr(live, "CHARTED", 0.0)
+    monkeypatch.setattr(live, "CHART_PERIOD", 0.0)
     model, q = models.dynamics("two_link").model, np.array([0.1, 0.2])
     actors = [DrawnArm(server, model, name) for name in ("left", "right")]
     news = [(t, q, Sample(t * np.ones(2), np.zeros(2), np.zeros(5))) for t in (100.0, 100.5, 7.0)]
@@ -213,7 +213,7 @@ def test_curves_and_silence_are_those_of_each_arm(
     np.testing.assert_array_equal(shown, actors[0].marker.at(Instant(q)).position)
     page._update(0.1)
     np.testing.assert_array_equal(torque.time, [0.0])
-    monkeypatch.setattr(live, "OLD", -1.0)
+    monkeypatch.setattr(live, "SILENCE", -1.0)
     page._report("no luck")
     assert page._status.content.startswith("left: t = 0.00 s, silent for 0 s")
     assert page._status.content.endswith("\n\n**no luck**")
@@ -236,6 +236,6 @@ def test_a_missing_node_to_follow_is_reported(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(live, "_WAIT", 0.2)
     with Listener() as listener:
         with pytest.raises(ViewError, match=r"no joint states on /left/joint_states \(waited"):
-            live.followed(listener, ["left"], [], *HERE)
+            live.follower_page(listener, ["left"], [], *HERE)
         with pytest.raises(ViewError, match="2 scenes for 1 running arms"):
-            live.followed(listener, ["left"], ["a", "b"], *HERE)
+            live.follower_page(listener, ["left"], ["a", "b"], *HERE)

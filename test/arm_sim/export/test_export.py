@@ -44,21 +44,18 @@ def test_a_title_becomes_a_name(tmp_path: Path) -> None:
     assert (tmp_path / "two_link.h").is_file()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ({"scene": {"robot": {"urdf": "nowhere.urdf"}}}, "no file 'nowhere.urdf'"),
-        (
-            {"scene": TWO_LINK | {"sensors": {"delay": 0.001}}, "tick": True},
-            "sensors: an exported",
-        ),
-        ({"scene": TWO_LINK | {"commands": {"delay": 0.001}}, "tick": True}, "tick has no delay"),
-        ({"terms": ("gravity", "inertia")}, "terms names 'inertia'; allowed: inverse_dynamics"),
-        ({"frames": ("nowhere",)}, "nowhere"),
-        ({"frames": ("base",), "tick": True, "fmu": True}, "'base' does not move"),
-        ({"frames": ("forearm", "forearm")}, "would both be 'forearm'"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "said"), [
+    ({"scene": {"robot": {"urdf": "nowhere.urdf"}}}, "no file 'nowhere.urdf'"),
+    (
+        {"scene": TWO_LINK | {"sensors": {"delay": 0.001}}, "tick": True},
+        "sensors: an exported",
+    ),
+    ({"scene": TWO_LINK | {"commands": {"delay": 0.001}}, "tick": True}, "tick has no delay"),
+    ({"terms": ("gravity", "inertia")}, "terms names 'inertia'; allowed: inverse_dynamics"),
+    ({"frames": ("nowhere",)}, "nowhere"),
+    ({"frames": ("base",), "tick": True, "fmu": True}, "'base' does not move"),
+    ({"frames": ("forearm", "forearm")}, "would both be 'forearm'"),
+])  # fmt: skip
 def test_wrong_arguments_write_nothing(
     arguments: dict[str, Any], said: str, tmp_path: Path
 ) -> None:

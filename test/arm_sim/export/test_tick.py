@@ -222,14 +222,11 @@ def test_bodies_and_friction_that_cannot_be_are_refused(tmp_path: Path) -> None:
     assert "cannot have this value" in ticks.text(ticks.set("coulomb[0]", 0.1))  # it has none
 
 
-@pytest.mark.parametrize(
-    ("name", "away", "said"),
-    [
-        ("four_bar", 0.1, "loops are open"),
-        ("stuck", 4.0, "beyond its stop"),
-        ("table_arm", np.array([-0.1, 0.0]), "inside its plane"),
-    ],
-)
+@pytest.mark.parametrize(("name", "away", "said"), [
+    ("four_bar", 0.1, "loops are open"),
+    ("stuck", 4.0, "beyond its stop"),
+    ("table_arm", np.array([-0.1, 0.0]), "inside its plane"),
+])  # fmt: skip
 def test_states_that_are_impossible_are_refused(
     made: Callable[[str], Case], name: str, away: Any, said: str
 ) -> None:

@@ -249,10 +249,11 @@ def test_multipliers_are_of_the_constraints_that_hold_at_each_time() -> None:
             sim.set_constraint("table", False)
         return [0.0, 0.0]
 
-    found = sim.run(0.02, control).multipliers
+    found = (run := sim.run(0.02, control)).multipliers
     assert abs(held).min() > 1.0
     assert_close(found[:10], held[:10], PINOCCHIO)
     assert not found[10:].any()
+    assert run.part(run.time > 1.0).multipliers.shape == (0, 1)
 
 
 # --- how much of it is unexplained ---------------------------------------------------------------

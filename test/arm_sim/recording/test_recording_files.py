@@ -140,14 +140,11 @@ def test_a_file_is_read_up_to_where_it_breaks_off_and_after_damage(tmp_path: Pat
     assert "gap" in repr(damaged) and damaged.energy_error < 1e-6
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "said"),
-    [
-        ("run.npz", b"PK\x03\x04 no archive", "damaged"),
-        ("run.mcap", b"\x89MCAP0\r\n", "no joint states"),
-        ("run.db3", b"SQLite format 3\0 but not really", "damaged"),
-    ],
-)
+@pytest.mark.parametrize(("name", "content", "said"), [
+    ("run.npz", b"PK\x03\x04 no archive", "damaged"),
+    ("run.mcap", b"\x89MCAP0\r\n", "no joint states"),
+    ("run.db3", b"SQLite format 3\0 but not really", "damaged"),
+])  # fmt: skip
 def test_what_is_no_recording_is_refused(
     name: str, content: bytes, said: str, tmp_path: Path
 ) -> None:

@@ -261,7 +261,7 @@ def test_messages_larger_than_a_chunk_are_recorded(recorder: TickRecorder) -> No
     """Such as images; afterwards chunks are as small as before."""
     thread, sizes = recorder.thread, (10, 10**7, 20)
     for size in sizes:
-        assert thread.add(recorder.file.changes, 0, 0, bytes(size))
+        assert thread.add(recorder.file.change_channel, 0, 0, bytes(size))
     until_written(recorder)
     assert {thread._free_chunks.get().size for _ in range(COUNT - 1)} == {SIZE}
     thread.close()

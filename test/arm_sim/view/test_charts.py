@@ -46,7 +46,7 @@ def test_a_panel_has_a_tab_of_each_chart_whose_legend_follows_the_time(server: A
 
 @pytest.mark.group("view")
 def test_rolling_plots_forget_what_is_old_and_leave_out_what_is_unknown(server: Any) -> None:
-    rolling = RollingCharts(server, {"arm": ("hip",)}, ("total",), memory=1.0, sampled=0.1)
+    rolling = RollingCharts(server, {"arm": ("hip",)}, ("total",), memory=1.0, sample_period=0.1)
     for k in range(200):
         energy = np.array([np.nan if k < 150 else k])
         rolling.add("arm", 0.01 * k, lambda k=k, e=energy: Sample(np.array([k]), np.zeros(1), e))

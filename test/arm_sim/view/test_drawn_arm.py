@@ -16,7 +16,7 @@ import pytest
 import models
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Simulator
-from arm_sim.view.drawn_arm import KEPT, DrawnArm, _cones, _glb, lay_ground
+from arm_sim.view.drawn_arm import PATH_POINTS, DrawnArm, _cones, _glb, lay_ground
 from arm_sim.view.interactive import Interactive
 from arm_sim.view.interactive_arm import InteractiveArm
 from arm_sim.view.marks import Instant, Marker
@@ -109,9 +109,9 @@ def test_springs_and_the_path_are_seen_where_they_are_and_hidden_on_request(serv
     springs, path = actor._marks["springs"].handle, actor._marks["path"].handle
     assert springs.visible and not path.visible
     np.testing.assert_allclose(springs.points[0, 0], marks.springs[0, 0], rtol=1e-6)
-    for k in range(KEPT + 50):
+    for k in range(PATH_POINTS + 50):
         hand = actor.draw(Instant(model.q0 + 0.02 * k), leave_path=True).hand
-    assert path.visible and len(path.points) == KEPT
+    assert path.visible and len(path.points) == PATH_POINTS
     np.testing.assert_allclose(path.points[-1, 1], hand, rtol=1e-6, atol=1e-7)
     actor.show("path", False)
     assert not path.visible

@@ -34,11 +34,13 @@ def test_a_camera_that_is_fitted_sees_all_points_and_is_as_near_as_can_be(
 
 
 def test_arms_that_turn_about_one_level_axis_are_seen_almost_along_it() -> None:
-    y, z = np.eye(3)[1:]
-    way = direction(np.column_stack([y, -y, 0.0 * y]))
+    x, y, z = np.eye(3)
+    way = direction(np.column_stack([y, -y, 0.0 * y]), np.eye(3))
     assert -way[1] > 0.9 * np.linalg.norm(way) and way[2] > 0.0
     for others in ([z, z], [y, z], [0.0 * z]):
-        assert direction(np.column_stack(others)) is TO_CAMERA
+        assert direction(np.column_stack(others), np.array([x, y, -x, -y])) is TO_CAMERA
+        slender = direction(np.column_stack(others), np.array([y, -y, 0.1 * x]))
+        assert slender[0] > 0.9 * np.linalg.norm(slender)
 
 
 def test_a_camera_of_ours_follows_every_size_of_the_page(rng: np.random.Generator) -> None:

@@ -69,9 +69,9 @@ def test_a_spring_is_between_its_points_and_a_stop_where_the_joint_is() -> None:
     q = panda.q0.copy()
     q[3] = panda.position_lower[3]
     marks = Marker(panda).at(Instant(q))
-    np.testing.assert_array_equal(marks.stopped, np.arange(7) == 3)
+    np.testing.assert_array_equal(marks.at_stop, np.arange(7) == 3)
     held = Instant(q, stop_torque=np.zeros(7))  # it is there, and nothing holds it
-    assert not Marker(panda).at(held).stopped.any()
+    assert not Marker(panda).at(held).at_stop.any()
 
 
 def test_the_hand_is_the_link_farthest_out() -> None:

@@ -24,19 +24,16 @@ def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.Monkey
 NAME = socket.gethostname()
 
 
-@pytest.mark.parametrize(
-    ("requested", "origin", "host", "let_in"),
-    [
-        ("127.0.0.1:8080", None, "127.0.0.1", True),  # no browser
-        ("localhost:9000", "http://localhost:9000", "127.0.0.1", True),  # forwarded by ssh
-        ("[::1]:8080", "http://[::1]:8080", "::1", True),
-        (f"{NAME}:8080", f"http://{NAME.lower()}:8080", "0.0.0.0", True),
-        ("robot.lab:8080", "http://robot.lab:8080", "robot.lab", True),
-        ("127.0.0.1:8080", "http://127.0.0.1:9999", "127.0.0.1", False),  # another server here
-        ("127.0.0.1:8080", "null", "127.0.0.1", False),  # a file, or a frame in a sandbox
-        ("evil.example:8080", "http://evil.example:8080", "127.0.0.1", False),  # rebound name
-    ],
-)
+@pytest.mark.parametrize(("requested", "origin", "host", "let_in"), [
+    ("127.0.0.1:8080", None, "127.0.0.1", True),  # no browser
+    ("localhost:9000", "http://localhost:9000", "127.0.0.1", True),  # forwarded by ssh
+    ("[::1]:8080", "http://[::1]:8080", "::1", True),
+    (f"{NAME}:8080", f"http://{NAME.lower()}:8080", "0.0.0.0", True),
+    ("robot.lab:8080", "http://robot.lab:8080", "robot.lab", True),
+    ("127.0.0.1:8080", "http://127.0.0.1:9999", "127.0.0.1", False),  # another server here
+    ("127.0.0.1:8080", "null", "127.0.0.1", False),  # a file, or a frame in a sandbox
+    ("evil.example:8080", "http://evil.example:8080", "127.0.0.1", False),  # rebound name
+])  # fmt: skip
 def test_pages_of_other_sites_are_refused(
     requested: str | None, origin: str | None, host: str, let_in: bool
 ) -> None:

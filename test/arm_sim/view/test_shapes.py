@@ -50,14 +50,11 @@ def test_point_masses_are_balls_and_hinges_between_bodies_pins() -> None:
     assert abs(lower[1].placement.rotation[:, 2] @ [0.0, 1.0, 0.0]) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(
-    ("geometry", "size"),
-    [
-        ('<box size="1 2 3"/>', (1.0, 2.0, 3.0)),
-        ('<capsule radius="0.1" length="2"/>', (0.2, 0.2, 2.0)),
-        ('<sphere radius="0.3"/>', (0.6, 0.6, 0.6)),
-    ],
-)
+@pytest.mark.parametrize(("geometry", "size"), [
+    ('<box size="1 2 3"/>', (1.0, 2.0, 3.0)),
+    ('<capsule radius="0.1" length="2"/>', (0.2, 0.2, 2.0)),
+    ('<sphere radius="0.3"/>', (0.6, 0.6, 0.6)),
+])  # fmt: skip
 def test_visuals_of_the_description_are_drawn(geometry: str, size: tuple[float, ...]) -> None:
     drawn, _ = visuals_of(rod(visual(geometry, '<material name="blue"/>')))
     assert (drawn.kind, drawn.size) == (geometry[1:].split()[0], size)
@@ -67,14 +64,11 @@ def test_visuals_of_the_description_are_drawn(geometry: str, size: tuple[float, 
     np.testing.assert_allclose(drawn.placement.translation, [0.0, 0.0, 0.4])
 
 
-@pytest.mark.parametrize(
-    ("geometry", "told"),
-    [
-        ('<mesh filename="package://nowhere/arm.stl"/>', "no file 'package://nowhere/arm.stl'"),
-        ("<pyramid/>", "<pyramid>; allowed: mesh, box"),
-        ("<sphere/>", "the size of its <sphere> is not known"),
-    ],
-)
+@pytest.mark.parametrize(("geometry", "told"), [
+    ('<mesh filename="package://nowhere/arm.stl"/>', "no file 'package://nowhere/arm.stl'"),
+    ("<pyramid/>", "<pyramid>; allowed: mesh, box"),
+    ("<sphere/>", "the size of its <sphere> is not known"),
+])  # fmt: skip
 def test_a_visual_that_cannot_be_drawn_is_reported_and_replaced(
     geometry: str, told: str, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -72,7 +72,7 @@ def test_a_film_goes_from_the_begin_to_the_end_at_its_speed(
     assert film(rate=2.0, speed=50.0)[0] == [0.0, 2.0]
     times, shown = film(rate=100.0, speed=4.0)
     assert (len(times), shown) == (26, 20)  # half a second in what a GIF can show
-    monkeypatch.setattr(page, "MOST", 11)
+    monkeypatch.setattr(page, "MOST_PICTURES", 11)
     times, shown = film()
     assert (len(times), shown) == (11, 200)  # of the same length
     for numbers in ({"rate": 0.0}, {"speed": 0.0}):

@@ -124,7 +124,7 @@ def _always(simulator: Simulator) -> Parts:
     compiled = simulator.arm.compiled
     if compiled.energy_account.may_repeat:
         yield "energy account", compiled.energy_account.prepare
-    yield "check by a second run", lambda: compiled.witness.stepper
+    yield "check by a second run", lambda: compiled.repeater.stepper
     control = make_controller("computed_torque", _controlled(simulator))
     if compile_law := preparation(control):
         yield "computed torque", compile_law

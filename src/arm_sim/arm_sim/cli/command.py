@@ -64,13 +64,10 @@ def command(
 
     def decorator(function: Callable[..., Any]) -> click.Command:
         return _Command(
-            first,
-            name=name or function.__name__.replace("_", "-"),
-            context_settings=settings,
-            callback=function,
-            help=as_called(inspect.getdoc(function).partition("\n\nArgs:")[0]),
+            first, name=name or function.__name__.replace("_", "-"), context_settings=settings,
+            callback=function, help=as_called(inspect.getdoc(function).partition("\n\nArgs:")[0]),
             epilog=examples(*lines),
-        )
+        )  # fmt: skip
 
     return decorator
 

@@ -118,9 +118,7 @@ def suite(
         compiled: What ``build --derivatives`` compiles besides, as parts of a simulator by name.
     """
     group = Suite(
-        sections,
-        name="arm",
-        help="Dynamics, simulation and control of robot arms on ROS 2.",
+        sections, name="arm", help="Dynamics, simulation and control of robot arms on ROS 2.",
         epilog=examples("./arm demo", "./arm describe panda"),
         context_settings={
             "help_option_names": ["-h", "--help"], "max_content_width": 100, "obj": compiled

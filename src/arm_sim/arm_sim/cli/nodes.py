@@ -127,10 +127,9 @@ def _run(
 
 
 def run_node(
-    make: Callable[..., Any],
-    words: Sequence[str] = (),
+    make: Callable[..., Any], words: Sequence[str] = (),
     until: Callable[[Any], bool] = lambda node: False,
-) -> tuple[int, Any]:
+) -> tuple[int, Any]:  # fmt: skip
     """Run a node in this process until it is interrupted, or a function of it returns true.
 
     Returns:

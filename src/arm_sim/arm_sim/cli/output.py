@@ -111,12 +111,9 @@ def _report(end: Event, stream: TextIO, in_place: bool) -> None:
 
 @contextmanager
 def progress(
-    stream: TextIO,
-    otherwise: Callable[..., object] = lambda **_: None,
-    *columns: Any,
-    refresh: bool = False,
-    **task: Any,
-) -> Iterator[Callable[..., object]]:
+    stream: TextIO, otherwise: Callable[..., object] = lambda **_: None, *columns: Any,
+    refresh: bool = False, **task: Any,
+) -> Iterator[Callable[..., object]]:  # fmt: skip
     """Show progress by a bar on a terminal; yields a function that updates it.
 
     Args:

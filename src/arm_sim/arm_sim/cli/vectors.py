@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vectors on the command line: in model order, by joint name, or many points at once."""
+"""Values on the command line: vectors, in model order, by joint name or of many points; names."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +68,37 @@ class VectorType(click.ParamType):
         if self._size and [len(row) for row in vector.rows] != [self._size]:
             self.fail(f"{value!r}; {self._size} numbers are expected, {self._row}", param, ctx)
         return vector
+
+
+class WordsType(click.ParamType):
+    """Names, with commas or spaces between them."""
+
+    name = "text"
+
+    def convert(self, value: str, param: Any, ctx: click.Context | None) -> Any:
+        """List them."""
+        return value.replace(",", " ").split()
+
+
+class BitsType(WordsType):
+    """Names of bits of a number.
+
+    Args:
+        bits: The bits by name.
+    """
+
+    name = "names"
+
+    def __init__(self, bits: Mapping[str, int]) -> None:
+        self._bits = bits
+
+    def convert(self, value: str, param: Any, ctx: click.Context | None) -> int:
+        """The number with these bits, or a usage error."""
+        names = set(super().convert(value.lower(), param, ctx))
+        unknown = min(names - {*self._bits}, default="")
+        if unknown or not names:
+            self.fail(f"{value!r}; allowed: some of {choices(unknown, self._bits)}", param, ctx)
+        return reduce(or_, (self._bits[name] for name in names))
 
 
 def parse(text: str) -> Vector:

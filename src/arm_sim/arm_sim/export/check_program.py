@@ -1,43 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The test program of an exported library: its functions against the numbers expected."""
+"""The test program of an exported library: its functions against reference values."""
 
 from collections.abc import Sequence
 
 from arm_dynamics.arrays import Array
 from arm_sim.export.amalgamated import of_files
-from arm_sim.export.expected import Expected, ExpectedMotion, Point, test_motion
 from arm_sim.export.generated import without_unused
 from arm_sim.export.library import Library, comment, wrapped
+from arm_sim.export.reference_values import Point, ReferenceMotion, ReferenceResults, test_motion
 from arm_sim.export.terms import Term
 from arm_sim.export.tick import Tick
 
 _ROUNDING = 1e-12  # difference of results here and there, relative to the largest or 1
 
 
-def check_program(library: Library, expected: Expected, points: Sequence[Point]) -> str:
+def check_program(library: Library, reference: ReferenceResults, points: Sequence[Point]) -> str:
     """``test_N.c`` of a library.
 
     Args:
         library: The library.
-        expected: Right results of its functions.
+        reference: Right results of its functions.
         points: Where they are compared.
     """
     checks = _Checks(library)
     for k, point in enumerate(points):
         checks.add_point(k, *point)
         for term in library.terms:
-            checks.add_term(k, term, expected.of(term, *point))
+            checks.add_term(k, term, reference.of(term, *point))
     if library.tick:
         checks.add_motion(library.tick)
     program = [
-        comment(library.about) + f'#include "{library.name}.h"\n',
-        of_files(["check.h"]),
-        *checks.tables,
-        "\nint main(void) {\n  int wrong = 0;",
-        *checks.calls,
+        comment(library.about) + f'#include "{library.name}.h"\n', of_files(["check.h"]),
+        *checks.tables, "\nint main(void) {\n  int wrong = 0;", *checks.calls,
         '  printf(wrong ? "%d results are wrong\\n" : "all results are right\\n", wrong);',
         "  return wrong != 0;\n}\n",
-    ]
+    ]  # fmt: skip
     return without_unused("\n".join(program))
 
 
@@ -53,7 +50,7 @@ class _Checks:
             self.tables.append(_table(f"{name}{k}", values))
 
     def add_term(self, k: int, term: Term, results: Sequence[Array]) -> None:
-        """Add a call of a term at point k, and the comparison with its expected results."""
+        """Add a call of a term at point k, and the comparison with its right results."""
         tables = {"q": f"q{k}", "v": f"v{k}", "a": f"a{k}", "tau": f"a{k}"}  # a or tau
         inputs = [tables.get(x, "NULL") for x in term.arguments]
         outputs = [f"result{i}" for i in range(len(results))]
@@ -68,11 +65,11 @@ class _Checks:
 
     def add_motion(self, tick: Tick) -> None:
         """Ticks under a few commands, each held for some time, from the scene's initial state."""
-        motion = test_motion(tick.simulator, tick.differentiable)
+        motion = test_motion(tick.simulator, differentiable=tick.differentiable)
         name, n, tolerance = self._name, tick.simulator.n, _ROUNDING
-        ticks = motion.held * len(motion.commands)
+        ticks = motion.duration * len(motion.commands)
         tables = {"commands": motion.commands.ravel(), "last_q": motion.q, "last_v": motion.v}
-        for matrix, slope in zip("AB", motion.slopes or (), strict=False):
+        for matrix, slope in zip("AB", motion.derivatives or (), strict=False):
             tables[f"expected_{matrix}"] = slope.ravel()
         self.tables += [_table(table, values) for table, values in tables.items()]
         self.calls.append(
@@ -81,23 +78,23 @@ class _Checks:
             f"    {name}_sim* sim = ({name}_sim*)malloc({name}_sim_size());\n"
             f"    int code = sim ? {name}_sim_init(sim, NULL, NULL) : -1;\n"
             f"    for (int k = 0; k < {ticks} && !code; ++k)\n"
-            f"      code = {name}_sim_step(sim, commands + {n} * (k / {motion.held}));\n"
+            f"      code = {name}_sim_step(sim, commands + {n} * (k / {motion.duration}));\n"
             f'    if (code) printf("ticks: %s\\n", {name}_error_text(code));\n'
             f"    wrong += code != 0;\n"
             f"    if (!code) {name}_sim_state(sim, q, v, NULL);\n"
             f'    if (!code) wrong += differs("{ticks} ticks, q", q, last_q, {n}, {tolerance});\n'
             f'    if (!code) wrong += differs("{ticks} ticks, v", v, last_v, {n}, {tolerance});\n'
-            f"{self._check_of_slopes(motion)}"
+            f"{self._derivatives_check(motion)}"
             f'    printf("a simulation takes %lu bytes\\n", (unsigned long){name}_sim_size());\n'
             "    free(sim);\n"
             "  }"
         )
 
-    def _check_of_slopes(self, motion: ExpectedMotion) -> str:
+    def _derivatives_check(self, motion: ReferenceMotion) -> str:
         """Derivatives at the end of the ticks; a refusal, which they may get, is no mistake."""
-        if motion.slopes is None:
+        if motion.derivatives is None:
             return ""
-        name, sizes = self._name, [slope.size for slope in motion.slopes]
+        name, sizes = self._name, [slope.size for slope in motion.derivatives]
         last = motion.commands.size - motion.commands.shape[1]
         checks = "".join(
             f'    if (!code) wrong += differs("derivatives, {matrix}", {matrix}, '

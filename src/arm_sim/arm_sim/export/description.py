@@ -28,19 +28,14 @@ def readme(library: Library) -> str:
     model, tick = library.model, library.tick
     functions = [f"| `{library.name}_{term.name}` | {term.about} |" for term in library.terms]
     marks = {
-        "NAME": library.name,
-        "ROBOT": model.pin.name,
-        "JOINTS": str(model.n),
+        "NAME": library.name, "ROBOT": model.pin.name, "JOINTS": str(model.n),
         "MASS": f"{model.total_mass:.6g}",
-        "GRAVITY": ", ".join(f"{g:g}" for g in model.scene.gravity),
-        "VERSION": __version__,
-        "SCENE": SCENE_FILE,
-        "URDF": URDF_FILE,
-        "JOINT_ROWS": "\n".join(_joint_rows(model)),
+        "GRAVITY": ", ".join(f"{g:g}" for g in model.scene.gravity), "VERSION": __version__,
+        "SCENE": SCENE_FILE, "URDF": URDF_FILE, "JOINT_ROWS": "\n".join(_joint_rows(model)),
         "FUNCTION_ROWS": "\n".join(functions),
         "TOOLS": ", ".join(f"{name} {version}" for name, version in versions().items()),
         **(_marks_of_ticks(model, tick) if tick else {}),
-    }
+    }  # fmt: skip
     sections = {"all", *(_sections_of_ticks(tick) if tick else ())}
     template = (OWN / "README.md.in").read_text(encoding="utf-8")
     text = _SECTION.sub(lambda section: section[2] if section[1] in sections else "", template)

@@ -16,10 +16,10 @@ from arm_sim.export import library
 from arm_sim.export.amalgamated import OWN
 from arm_sim.export.check_program import check_program
 from arm_sim.export.description import about, readme
-from arm_sim.export.expected import Expected, test_points
 from arm_sim.export.fmu import build_fmus
 from arm_sim.export.folder import check_folder, write_folder
 from arm_sim.export.names import from_title, library_name
+from arm_sim.export.reference_values import ReferenceResults, test_points
 from arm_sim.export.terms import DERIVATIVES, TERMS, checked_names, terms_of
 from arm_sim.export.tick import tick_of
 from arm_sim.recording.origin import SCENE_FILE, URDF_FILE
@@ -43,15 +43,10 @@ class Exported:
 
 
 def export(
-    scene: SceneSource | ArmModel,
-    out: str | Path,
-    name: str | None = None,
-    terms: Collection[str] = TERMS,
-    tick: bool = True,
-    fmu: bool = False,
-    frames: Sequence[str] = (),
-    servo: bool = False,
-) -> Exported:
+    scene: SceneSource | ArmModel, out: str | Path, name: str | None = None,
+    terms: Collection[str] = TERMS, tick: bool = True, fmu: bool = False,
+    frames: Sequence[str] = (), servo: bool = False,
+) -> Exported:  # fmt: skip
     """Write a scene as a C library into a folder that needs nothing of the suite.
 
     Args:
@@ -115,16 +110,13 @@ def _title(scene: SceneSource | ArmModel, model: ArmModel) -> str:
 def _files(lib: library.Library, fmu: bool, frames: Sequence[str]) -> dict[str, str | bytes]:
     """Contents of all files of a library by name."""
     name, model, tick = lib.name, lib.model, lib.tick
-    expected, points = Expected(model), test_points(model)
-    expected.verify(lib.terms, points)
+    reference, points = ReferenceResults(model), test_points(model)
+    reference.verify(lib.terms, points)
     code = {f"{name}.h": library.header(lib), f"{name}.c": library.source(lib)}
     build_file = (OWN / "CMakeLists.txt").read_text(encoding="utf-8")
     return {
-        **code,
-        **(build_fmus(name, tick, code, frames) if fmu and tick else {}),
-        f"test_{name}.c": check_program(lib, expected, points),
-        "CMakeLists.txt": build_file.replace("@NAME@", name),
-        "README.md": readme(lib),
-        SCENE_FILE: scene_text(model.scene, URDF_FILE),
-        URDF_FILE: model.scene.robot.urdf,
-    }
+        **code, **(build_fmus(name, tick, code, frames) if fmu and tick else {}),
+        f"test_{name}.c": check_program(lib, reference, points),
+        "CMakeLists.txt": build_file.replace("@NAME@", name), "README.md": readme(lib),
+        SCENE_FILE: scene_text(model.scene, URDF_FILE), URDF_FILE: model.scene.robot.urdf,
+    }  # fmt: skip

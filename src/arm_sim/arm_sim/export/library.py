@@ -71,15 +71,14 @@ def header(library: Library) -> str:
     states = tick.simulator.arm.plant.nx if tick else 2 * n
     parts = [
         f"{comment(library.about)}#ifndef {capitals}_H\n#define {capitals}_H\n\n"
-        "#include <stddef.h>\n",
-        '#ifdef __cplusplus\nextern "C" {\n#endif\n',
+        "#include <stddef.h>\n", '#ifdef __cplusplus\nextern "C" {\n#endif\n',
         f"enum {{ {capitals}_JOINTS = {n}, {capitals}_STATES = {states} }};\n",
         comment("Order of all vectors.")
         + f"extern const char* const {name}_joint_names[{capitals}_JOINTS];\n",
         *(comment(term.about) + f"{_signature(library, term)};\n" for term in library.terms),
         *([named(name, _STANDARD.sub("", tick.declarations))] if tick else []),
         "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
-    ]
+    ]  # fmt: skip
     return "\n".join(parts)
 
 
@@ -93,13 +92,11 @@ def source(library: Library) -> str:
     moves = any(term.name == "forward_dynamics" for term in library.terms)
     resting = at_rest(library.model) if moves else ""
     parts = [
-        of_files(["scalar.h"]) + _TYPES,
-        generated,
-        resting,
+        of_files(["scalar.h"]) + _TYPES, generated, resting,
         f"const char* const {name}_joint_names[{name.upper()}_JOINTS] = {{{names}}};\n",
         *(_definition(library, term, bool(resting)) for term in library.terms),
         named(name, tick.source) if tick else "",
-    ]
+    ]  # fmt: skip
     code = without_unused(without_decided_conditions("\n".join(parts)))
     standard = "".join(sorted(set(_STANDARD.findall(code))))
     head = f'{comment(library.about)}#include "{name}.h"\n\n{standard}\n{_PRAGMAS}\n'

@@ -97,13 +97,10 @@ def tick_of(
         functions.append(effort_slopes(plant, len(numbers)))
     parts.append(of_files(list(interface.values()), included | {*interface}) + _setter(numbers))
     return Tick(
-        simulator=simulator,
-        parameters=tuple(number.name for number in numbers),
-        functions=tuple(functions),
-        differentiable=bool(tangents),
-        source="\n".join(parts),
+        simulator=simulator, parameters=tuple(number.name for number in numbers),
+        functions=tuple(functions), differentiable=bool(tangents), source="\n".join(parts),
         declarations=f"{_PERIOD} {choice.dt!r}\n{of_files(list(interface))}",
-    )
+    )  # fmt: skip
 
 
 def _refuse(model: ArmModel) -> None:
@@ -125,15 +122,14 @@ def _defines(simulator: Simulator) -> str:
     plant = simulator.arm.plant
     project = plant.mechanics.project
     values = {
-        "NZ": str(plant.nz),
-        "START": braces(simulator.arm.x),
+        "NZ": str(plant.nz), "START": braces(simulator.arm.x),
         "OF_STATE": "{" + (", ".join(map(str, _origins(plant))) or "0") + "}",
         "TUNABLE": braces(plant.parameters.nominal),
         "LOOP_TOLERANCE": repr(CLOSURE_TOLERANCE),
         "STOP_TOLERANCE": repr(ROUNDING),
         **({"LOOPS": str(project.size1_in(2))} if project else {}),
         **({"DRIVEN": "1"} if plant.torques else {}),
-    }
+    }  # fmt: skip
     return "\n".join(f"#define {name} {value}" for name, value in values.items())
 
 

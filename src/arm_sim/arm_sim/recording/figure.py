@@ -20,7 +20,7 @@ QUANTITIES = {
 _LINES = ("-", "--", ":", "-.")  # of recordings; further ones have them again, thinner
 _POINTS = 4000  # points of a line; more than a figure has pixel columns
 _MARKS = 40  # largest number of events drawn
-_APART = 5e-3  # of the range of a panel: curves that are closer to each other coincide
+_COINCIDENCE = 5e-3  # of the range of a panel: curves that are closer to each other coincide
 _ENERGY = "energy [J]"
 _ACCOUNT = ("T, kinetic", "V, potential", "T + V", "work", "heat", "residual")
 # Olive, wine, black, grey, indigo and sand (Tol, Colour Schemes): no joint but the seventh has one
@@ -82,7 +82,7 @@ def _panels(recordings: Sequence[RecordedMotion], names: Sequence[str]) -> dict[
         for part, (attribute, *_) in QUANTITIES.items()
     }
     known = [np.nan_to_num(rows) for rows in stacked.values()]
-    groups = _coincident(np.hstack([rows / (np.ptp(rows) or 1.0) for rows in known]), _APART)
+    groups = _coincident(np.hstack([rows / (np.ptp(rows) or 1.0) for rows in known]), _COINCIDENCE)
     for (part, rows), numbers in zip(stacked.items(), known, strict=True):
         panels[f"{part} [{figures.units(types, *QUANTITIES[part][1:])}]"] = [
             (" = ".join(words[j] for j in group), rows[group[0]], color)
@@ -163,7 +163,7 @@ def _energies(recordings: Sequence[RecordedMotion]) -> list[_Curve]:
     rows = np.hstack([*map(_account, recordings)])
     rows[1:3] -= np.min(rows[1], where=~np.isnan(rows[1]), initial=np.inf)
     numbers = np.nan_to_num(rows)
-    apart = _APART * np.ptp(numbers, axis=1).max()
+    apart = _COINCIDENCE * np.ptp(numbers, axis=1).max()
     kept = np.flatnonzero(abs(numbers).max(axis=1) > apart)
     groups = [kept[group] for group in _coincident(numbers[kept], apart)]
     return [

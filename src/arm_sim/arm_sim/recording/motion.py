@@ -15,12 +15,13 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed
 from arm_sim.figures import units
 from arm_sim.imperfections import Measured
-from arm_sim.plant.parameters import EXTERNAL
+from arm_sim.plant.admissible_states import active_constraints
+from arm_sim.plant.parameters import CONSTRAINTS, EXTERNAL
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contents import BRAKES, Contents
 from arm_sim.recording.energy_account import EnergyAccount, relative_error
 from arm_sim.recording.physics import Physics
-from arm_sim.recording.witness import NUDGE, WINDOWS, Control, SecondRun, doubt
+from arm_sim.recording.second_run import NUDGE, WINDOWS, Control, SecondRun, doubt
 
 _log = logging.getLogger(__name__)
 
@@ -147,7 +148,7 @@ class RecordedMotion(Contents):
             reactions = self._physics.replay_stepper.reactions
             for k in self._at_stops if self.plant.free else range(len(self)):
                 tau[k] += reactions.beside_bilateral(x[k], self.command[k], self.p[k])
-        return self._physics.multipliers(x, tau, self.p)
+        return _multipliers(self._physics, x, tau, self.p)
 
     @cached_property
     def balance(self) -> Array:
@@ -203,7 +204,7 @@ class RecordedMotion(Contents):
         steps = np.diff(self.time) / self.account.choice.dt
         if np.delete(abs(steps - 1.0) > 1e-6, [row - 1 for row in self.gaps]).any():
             raise InvalidInput("part of a recording: its error is not known, but that of all is")
-        return self._physics.witness.run(self, self._control)
+        return self._physics.repeater.run(self, self._control)
 
     @cached_property
     def _control(self) -> Control | None:
@@ -265,7 +266,7 @@ class RecordedMotion(Contents):
         run = self.second_run
         if run.how == WINDOWS:
             return 1.0
-        nudged = self._physics.witness.run(self, self._control, NUDGE)
+        nudged = self._physics.repeater.run(self, self._control, NUDGE)
         n = len(self.joint_names)
         return float(np.nanmax(abs(nudged.x - run.x)[: row + 1, :n], initial=0.0) / NUDGE)
 
@@ -304,3 +305,28 @@ class RecordedMotion(Contents):
         flows = self.account.flows(self.x[:-1], self.ended[1:], self.command[:-1], self.p[:-1])
         flows[~self.moved] = 0.0
         return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])
+
+
+def _multipliers(physics: Physics, x: Array, tau: Array, p: Array) -> Array:
+    """λ of the constraints at states, as ``Dynamics.constrained_forward`` has them.
+
+    Args:
+        physics: The equations of the scene.
+        x: States, shape (k, nx).
+        tau: Torques on the joints, friction at rest included, in [N m] or [N], shape (k, n).
+        p: Tunable quantities at each state, shape (k, np).
+
+    Returns:
+        In [N] and [N m], shape (k, m); zero for constraints that are switched off there.
+    """
+    plant, present = physics.plant, physics.present
+    n = plant.model.n
+    multipliers = np.zeros(
+        (len(x), present.without_external(plant.parameters.nominal).constrained.m)
+    )
+    for run in present.runs(p, CONSTRAINTS):
+        constrained = present.without_external(p[run.start]).constrained
+        names = active_constraints(plant, p[run.start])
+        q, v = x[run, :n], x[run, n : 2 * n]
+        multipliers[run] = constrained.without_sticking(q, v, tau[run], names)[1]
+    return multipliers

@@ -4,20 +4,15 @@
 from collections.abc import Callable
 from functools import cached_property
 
-import numpy as np
-
 from arm_dynamics import ArmModel
-from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.one_at_a_time import built_once
 from arm_sim.integrators.methods import METHODS
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.admissible_states import active_constraints
-from arm_sim.plant.parameters import CONSTRAINTS
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present_dynamics import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.origin import Origin
-from arm_sim.recording.witness import Witness
+from arm_sim.recording.second_run import MotionRepeater
 from arm_sim.stepping.stepper import Stepper
 
 
@@ -58,31 +53,10 @@ class Physics:
         """Ticks under effective commands, to evaluate recorded states."""
         return Stepper(self.plant, self.choice, self.backend, acted=True)
 
-    def multipliers(self, x: Array, tau: Array, p: Array) -> Array:
-        """λ of the constraints at states, as ``Dynamics.constrained_forward`` has them.
-
-        Args:
-            x: States, shape (k, nx).
-            tau: Torques on the joints, friction at rest included, in [N m] or [N], shape (k, n).
-            p: Tunable quantities at each state, shape (k, np).
-
-        Returns:
-            In [N] and [N m], shape (k, m); zero for constraints that are switched off there.
-        """
-        n = self.plant.model.n
-        q, v = x[:, :n], x[:, n : 2 * n]
-        parts = [
-            self.present.without_external(p[run.start]).constrained.without_sticking(
-                q[run], v[run], tau[run], active_constraints(self.plant, p[run.start])
-            )[1]
-            for run in self.present.runs(p, CONSTRAINTS)
-        ]
-        return np.concatenate(parts) if parts else np.zeros((0, 0))
-
     @cached_property
-    def witness(self) -> Witness:
+    def repeater(self) -> MotionRepeater:
         """Repeats motions by other means, to estimate their error."""
-        return Witness(self.plant, self.choice, self.backend)
+        return MotionRepeater(self.plant, self.choice, self.backend)
 
 
 def physics_of(origin: Origin) -> Physics:

@@ -150,9 +150,11 @@ class Recording(RecordedMotion):
     ) -> Any:
         """Show the motion as a film of a stick figure, as ``motion.animate("pendulum.gif")``.
 
+        It is drawn along the axis of the world along which nothing moves, else in space.
+
         Args:
             path: GIF to write, or None.
-            rate: Frames per second, to a hundredth of a second for each: 30 are 33.
+            rate: Frames per second. Each lasts whole hundredths of a second: 30 become 33.
             speed: Speed of the film relative to real time.
 
         Returns:
@@ -161,6 +163,7 @@ class Recording(RecordedMotion):
         Raises:
             InvalidInput: If the file is no GIF, the recording has no scene, or a number is not
                 positive.
+            NotWritten: If the file cannot be written.
         """
         from arm_sim.recording.animation import animate
 

@@ -18,7 +18,7 @@ from arm_sim.exceptions import SimulationDiverged
 from arm_sim.inputs import check_torque, check_torque_table
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.recording.recording import Recording
-from arm_sim.recording.witness import Control as RowControl
+from arm_sim.recording.second_run import Control as RowControl
 from arm_sim.servo import JointCommand
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.simulation.trace import Trace

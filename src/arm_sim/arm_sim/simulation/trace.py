@@ -14,7 +14,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.progress import Progress
 from arm_sim.recording.contents import FREE, Jump
 from arm_sim.recording.recording import Recording
-from arm_sim.recording.witness import Control
+from arm_sim.recording.second_run import Control
 from arm_sim.simulation.simulated_arm import SimulatedArm
 from arm_sim.state import read_only_view
 from arm_sim.stepping.slices import slices

@@ -112,10 +112,10 @@ class RollingCharts:
 
     def __init__(
         self, server: viser.ViserServer, joints: Mapping[str, Sequence[str]],
-        energies: Sequence[str], memory: float, sampled: float,
+        energies: Sequence[str], memory: float, sample_period: float,
     ) -> None:  # fmt: skip
-        self._sampled, self._last_draw = sampled, 0.0
-        length = round(memory / sampled)
+        self._sample_period, self._last_draw = sample_period, 0.0
+        length = round(memory / sample_period)
         self._samples = {arm: deque[tuple[float, Sample]](maxlen=length) for arm in joints}
         self._panel, self._charts = ChartPanel(server), dict[str, dict[str, Chart]]()
         for arm, names in joints.items():
@@ -128,7 +128,7 @@ class RollingCharts:
     def add(self, arm: str, time: float, sample: Callable[[], Sample]) -> None:
         """Add the sample that a function returns, if the last one is old enough."""
         samples = self._samples[arm]
-        if not samples or time - samples[-1][0] >= self._sampled - 1e-9:
+        if not samples or time - samples[-1][0] >= self._sample_period - 1e-9:
             samples.append((time, sample()))
 
     def clear(self, arm: str) -> None:

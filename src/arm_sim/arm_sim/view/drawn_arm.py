@@ -15,7 +15,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel, postures
 from arm_sim.view import shapes
 from arm_sim.view.framing import direction, keep_framed
-from arm_sim.view.marks import Instant, Marker, Marks
+from arm_sim.view.marks import ArmMarks, Instant, Marker
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,10 +34,12 @@ CONTACT, CONE, TIE, SPRING, STOP, PATH, WHOLE, MOUSE = (
 # Of a legend: mark, colour and meaning
 type Row = tuple[str, tuple[int, ...], str]
 
-LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
-LEAST = 3e-3  # force, relative to the arm's weight, whose arrow is long enough to be seen
-KEPT = 300  # points of the path behind the end effector
+MAX_LENGTH = 0.6  # of an arrow, relative to the reach; half of it represents the arm's weight
+MIN_LENGTH = 0.1  # of an arrow, relative to the reach
+MIN_FORCE = 3e-3  # that has an arrow, relative to the arm's weight
+PATH_POINTS = 300  # points of the path behind the end effector
 _POSTURES = 300  # among which the lowest point of an arm is found
+_FRAMED_POSTURES = 100  # postures of a recording that its picture is fitted to
 _TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 _CIRCLE = np.column_stack([np.cos(_TURN), np.sin(_TURN), 0.0 * _TURN])
 
@@ -67,8 +69,8 @@ class DrawnArm:
     Attributes:
         base: Position of its world in [m], shape (3,).
         links: Names and handles of links, and of joints that are drawn in their place.
-        extent: Points around the arm at its start and of its path, or wherever it swings if it
-            has no base, in [m], shape (k, 3).
+        extent: Points around the arm in [m], shape (k, 3): during a recording, else at its start,
+            or wherever it swings if it has no base.
         axes: Those of its joints that turn, at its start, shape (3, k).
         lowest: Height in [m] below which it has no point: at its start if it has a base to stand
             on, else wherever it turns.
@@ -99,19 +101,21 @@ class DrawnArm:
             )
             for joint in model.joint_names
         ]  # fmt: skip
-        carried = [(x.joint, x.corners) for x in visuals if x.joint or x.name == shapes.PIVOT]
-        self.extent = self.base + self.marker.extent(model.q0, carried)
+        self._carried = [
+            (x.joint, x.corners) for x in visuals if x.joint or x.name == shapes.PIVOT
+        ]
+        self.extent = self._extent([model.q0])
         jacobian = model.pin, model.pin.createData(), model.configuration(model.q0)
         self.axes = pin.computeJointJacobians(*jacobian)[3:]
         self.lowest = float(self.marker.at(Instant(model.q0)).position[:, 2].min())
-        self._hangs = any(visual.name in (shapes.PIVOT, shapes.RAIL) for visual in visuals)
-        if self._hangs:
-            swing = np.vstack([self.marker.extent(q, carried) for q in postures(model, _POSTURES)])
+        self._has_pivots = any(visual.name in (shapes.PIVOT, shapes.RAIL) for visual in visuals)
+        if self._has_pivots:
+            swing = self._extent(postures(model, _POSTURES)) - self.base
             reached = self.base + np.clip(swing, -self.size, self.size)  # rails go on for ever
             self.extent = np.vstack([self.extent, reached])
             self.lowest = min(self.lowest, max(float(swing[:, 2].min()), -2 * self.size))
 
-    def draw(self, instant: Instant, leave_path: bool = False) -> Marks:
+    def draw(self, instant: Instant, leave_path: bool = False) -> ArmMarks:
         """Draw an instant; the caller groups changes that appear together."""
         marks = self.marker.at(instant)
         joints = zip(self._joints.values(), marks.position, marks.rotation, strict=True)
@@ -123,11 +127,11 @@ class DrawnArm:
         self._marks["friction cones"].set(_cones(arrows, contacts[:, 2]))
         self._marks["constraint forces"].set(self._arrows(self._visible(marks.constraints)))
         self._marks["springs"].set(_coils(marks.springs, self.size))
-        for ball, stopped in zip(self._stops, marks.stopped, strict=True):
-            ball.visible = bool(stopped)
+        for ball, at_stop in zip(self._stops, marks.at_stop, strict=True):
+            ball.visible = bool(at_stop)
         way = np.linalg.norm(marks.hand - self._path[-1]) if self._path else np.inf
         if leave_path and way > 2e-3 * self.size:
-            self._path = [*self._path[-KEPT:], marks.hand]
+            self._path = [*self._path[-PATH_POINTS:], marks.hand]
             self._marks["path"].set(_pairs(np.array(self._path)))
         return marks
 
@@ -136,10 +140,10 @@ class DrawnArm:
         self._path = []
         self._marks["path"].set(_pairs(np.zeros((0, 3))))
 
-    def show_path(self, path: Array) -> None:
-        """Draw the complete path of the end effector, shape (k, 3), which extends the arm."""
-        self.extent = np.vstack([self.extent, self.base + path])
-        self._marks["whole path"].set(_pairs(path))
+    def show_path(self, q: Array) -> None:
+        """Draw the path of the end effector of a recording with these positions, shape (k, n)."""
+        self.extent = self._extent(q[:: -(-len(q) // _FRAMED_POSTURES)])
+        self._marks["whole path"].set(_pairs(self.marker.path(q)))
 
     def legend(self) -> Iterator[Row]:
         """What its marks are, as far as it can have them."""
@@ -147,7 +151,7 @@ class DrawnArm:
         scene, springs, stops = model.scene, model.springs.points, model.stops.limit
         whole_path = not self._marks["whole path"].empty
         for exists, mark, colour, text in (
-            (self._hangs, "●", _bytes(shapes.BEARING), "pivot or rail"),
+            (self._has_pivots, "●", _bytes(shapes.BEARING), "pivot or rail"),
             (scene.payloads, "●", _bytes(shapes.LOAD), "payload"),
             (scene.contacts, "●", _bytes(shapes.TOUCH), "point of contact"),
             (scene.contacts, "■", _bytes(shapes.SURFACE), "plane of contact"),
@@ -175,15 +179,21 @@ class DrawnArm:
                 if name.endswith(kind):  # both paths are of one kind
                     mark.show(on)
 
+    def _extent(self, postures: Iterable[Array]) -> Array:
+        """Points around the arm in postures in [m], shape (k, 3)."""
+        points = [self.marker.extent(q, self._carried) for q in postures]
+        return self.base + np.concatenate(points)
+
     def _visible(self, forces: Array) -> Array:
-        """Forces whose arrows are long enough to be seen."""
+        """Forces that have an arrow."""
         size = np.linalg.norm(forces[:, 1], axis=1)
-        return np.asarray(forces[size > LEAST * self._weight])
+        return np.asarray(forces[size > MIN_FORCE * self._weight])
 
     def _arrows(self, forces: Array) -> Array:
-        """Arrows of points and forces: start and end points, with long forces shortened."""
+        """Arrows of points and forces: start and end points; none is very long or short."""
         size = np.linalg.norm(forces[:, 1], axis=1)
-        way = forces[:, 1] * (LONGEST * self.size / (size + self._weight))[:, None]
+        length = self.size * np.maximum(MAX_LENGTH * size / (size + self._weight), MIN_LENGTH)
+        way = forces[:, 1] * (length / size)[:, None]
         return np.stack([forces[:, 0], forces[:, 0] + way], axis=1)
 
     def _empty_marks(self) -> dict[str, _Mark]:
@@ -235,7 +245,8 @@ class DrawnArm:
             return self._scene.add_glb(name, data, scale=scale, **place)
         size, colour = visual.size, visual.colour or shapes.METAL
         wide, opacity = size[0], colour[3]
-        look = {"color": _bytes(colour), "opacity": opacity if opacity < 1.0 else None}
+        clear = {"opacity": opacity, "cast_shadow": False} if opacity < 1.0 else {}
+        look = {"color": _bytes(colour), **clear}
         if kind == "box":
             return self._scene.add_box(name, dimensions=size, **look, **place)
         if kind == "cylinder":
@@ -267,9 +278,9 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[DrawnArm], width: flo
 
 def around(actors: Sequence[DrawnArm]) -> tuple[Array, float, Array]:
     """Points around arms, shape (k, 3), the least distance of a camera in [m], and where it is."""
-    from_arms = direction(np.hstack([x.axes for x in actors]))
     points = np.concatenate([x.extent for x in actors])
-    return points, 1.5 * max(x.size for x in actors), from_arms
+    from_arms = direction(np.hstack([x.axes for x in actors]), points)
+    return points, max(x.size for x in actors), from_arms
 
 
 def legend(rows: Iterable[Row]) -> str:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 FIELD = 0.7  # [rad] vertical field of view of the camera
 TO_CAMERA = np.array([1.1, -0.8, 0.5])  # from the arm
+SLENDER = 0.7  # width over length, seen from above, of what is seen from the side
 PORTRAIT_BELOW = 0.75  # width over height, of the page of a telephone
 FILLED_PART = 0.85  # of the picture by the arm, at most
 ABOVE_SHEET = (0.27, 0.92)  # from -1, bottom, to 1: above the controls of a telephone
@@ -28,12 +29,20 @@ def axes(to_camera: Array) -> Array:
     return np.stack([right, np.cross(right, forward), forward])
 
 
-def direction(joint_axes: Array) -> Array:
-    """From arms to the camera: almost along joint axes, shape (3, k), if all are level and one."""
+def direction(joint_axes: Array, points: Array) -> Array:
+    """From arms to the camera, such that they extend across the picture.
+
+    Almost along joint axes, shape (3, k), if all are level and one; else along that level
+    direction in which points, shape (k, 3), extend least, if it is much less than across it.
+    """
     directions, sizes, _ = np.linalg.svd(joint_axes)
     axis = directions[:, 0]
     if sizes[:1].sum() == 0.0 or sizes[1:].any() > 1e-6 or abs(axis[2]) > 0.7:
-        return TO_CAMERA
+        level = points[:, :2] - points[:, :2].mean(axis=0)
+        _, spread, ways = np.linalg.svd(level, full_matrices=False)
+        if spread[1] > SLENDER * spread[0]:
+            return TO_CAMERA
+        axis = np.append(ways[1], 0.0)
     way: Array = np.sign(axis @ TO_CAMERA) * axis + 0.35 * TO_CAMERA + [0.0, 0.0, 0.2]
     return way
 

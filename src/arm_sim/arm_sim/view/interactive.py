@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")  # of simulated time, to choose from
 BUDGET = 0.025  # [s] of real time that ticks may take between two frames
 MEMORY = 10.0  # [s] that curves go back
-SAMPLED = 0.02  # [s] between points of curves, in simulated time
-CHARTED = 0.25  # [s] between drawings of curves
+SAMPLE_PERIOD = 0.02  # [s] between points of curves, in simulated time
+CHART_PERIOD = 0.25  # [s] between drawings of curves
 UNLIMITED = {"prismatic": 1.0}  # half the range of a slider without limits in [m]; others: π
 DECIMALS, STEPS = 3, 30  # of a slider, whose box is narrow: more decimals only for so many steps
 
@@ -54,7 +54,7 @@ class Interactive(View):
                 if frame in frames:
                     link.on_drag(partial(self._drag, rig, actor, frame))
         joints = {actor.name: rig.simulation.joint_names for rig, actor in self._pairs}
-        self._charts = RollingCharts(server, joints, ENERGIES, MEMORY, SAMPLED)
+        self._charts = RollingCharts(server, joints, ENERGIES, MEMORY, SAMPLE_PERIOD)
         self.draw()
 
     def close(self) -> None:
@@ -78,7 +78,7 @@ class Interactive(View):
         going = f"running at {self._speed.value} ×" if self.running else "paused"
         trouble = f"\n\n**{self._message}**" if self._message else ""
         self._status.content = f"t = {now:.3f} s, {going}{trouble}"
-        self._charts.draw(CHARTED if self.running else 0.0)
+        self._charts.draw(CHART_PERIOD if self.running else 0.0)
 
     # --- orders: for the thread of the page ---------------------------------------------------
 

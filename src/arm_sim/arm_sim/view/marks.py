@@ -46,15 +46,15 @@ def contacts_of(model: ArmModel, forces: Sequence[ContactForce]) -> Array:
 
 
 @frozen
-class Marks:
-    """Positions in the world, in [m]."""
+class ArmMarks:
+    """Marks of an arm at an instant; positions in the world, in [m]."""
 
     position: Array  # of Pinocchio's joints, the world first, shape (k, 3)
     rotation: Array  # of their axes as quaternions w, x, y, z, shape (k, 4)
     hand: Array  # shape (3,)
     constraints: Array  # points and forces in [N] on the first frames, shape (r, 2, 3)
     springs: Array  # both ends of each, shape (s, 2, 3)
-    stopped: NDArray[np.bool_]  # whether joints are at a stop, shape (n,)
+    at_stop: NDArray[np.bool_]  # whether joints are at a stop, shape (n,)
 
 
 class Marker:
@@ -65,23 +65,23 @@ class Marker:
         self.hand = outermost(model)  # whose path is shown
         self._rows = ConstraintRows(model) if model.scene.bilateral else None
 
-    def at(self, instant: Instant) -> Marks:
+    def at(self, instant: Instant) -> ArmMarks:
         """The marks at an instant."""
         data, q = self._kinematics(instant.q), np.asarray(instant.q, dtype=float)
         springs = [
             [self._point(*end) for end in zip(spring.frames, spring.points, strict=True)]
             for spring in self.model.springs.points
         ]
-        stopped = self.model.stops.touched(q)
+        at_stop = self.model.stops.touched(q)
         if len(instant.stop_torque):
-            stopped = stopped & (instant.stop_torque != 0.0)
-        return Marks(
+            at_stop = at_stop & (instant.stop_torque != 0.0)
+        return ArmMarks(
             np.array([place.translation for place in data.oMi]),
             np.array([np.roll(pin.Quaternion(place.rotation).coeffs(), 1) for place in data.oMi]),
             self._point(self.hand, (0.0, 0.0, 0.0)),
             self._constraint_forces(instant.multipliers),
             np.array(springs).reshape(-1, 2, 3),
-            stopped,
+            at_stop,
         )
 
     def extent(self, q: Array, carried: Iterable[tuple[int, Array]] = ()) -> Array:

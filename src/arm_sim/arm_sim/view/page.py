@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 SIZE = 960, 600  # of pictures, in pixels
 RATE = 25.0  # [Hz] frame rate of a film
-MOST = 3000  # pictures of a page or film; of long motions they are farther apart
+MOST_PICTURES = 3000  # pictures of a page or film; of long motions they are farther apart
 UPDATES = 60.0  # [Hz] at which pictures change at most
-ENDLESS = "a simulation has no end; films and times require a recording"
+ENDLESS_ERROR = "a simulation has no end; films and times require a recording"
 
 _log = logging.getLogger(__name__)
 
@@ -189,11 +189,11 @@ class View(AbstractContextManager["View"]):
     def _times(self, rate: float, speed: float, gif: bool = False) -> tuple[list[float], float]:
         """Times of the pictures, and for how long each of them is shown in [s]."""
         if not np.isfinite(self._end):
-            raise ViewError(ENDLESS)
+            raise ViewError(ENDLESS_ERROR)
         if not (0.0 < rate < np.inf and 0.0 < speed < np.inf):
             raise ViewError(f"rate = {rate:g}, speed = {speed:g}; more than 0 is expected")
         length = (self._end - self._begin) / speed
-        pause = max(1.0 / rate, length / (MOST - 1))
+        pause = max(1.0 / rate, length / (MOST_PICTURES - 1))
         if gif:  # counts hundredths of a second, and browsers show no picture for less than two
             pause = max(2.0, np.ceil(100.0 * pause - 1e-6)) / 100.0
         count = max(2, round(length / pause) + 1)
@@ -201,7 +201,7 @@ class View(AbstractContextManager["View"]):
 
     def _seek(self, time: float) -> None:
         """Stop playing, and draw a time of the motion immediately."""
-        raise ViewError(ENDLESS)
+        raise ViewError(ENDLESS_ERROR)
 
     # --- for pages of simulations, recordings or robots ---------------------------------------
 

@@ -30,7 +30,7 @@ DRAWING = (  # also without a graphics card
 )  # fmt: skip
 PATIENCE = 60.0  # [s] for the page, and for each picture
 MARGIN = 8  # pixels between a panel and the drawing
-SETTLED, STILL = (0.5, 3)  # [s] between pictures, and how many must be equal
+PERIOD, REPEATS = (0.5, 3)  # [s] between pictures, and how many in a row are equal
 
 
 def browser() -> str:
@@ -95,10 +95,10 @@ def camera(
 
         # Until it has loaded and drawn meshes and light; what never settles is taken as it is.
         last, equal = shoot(), 0
-        for _ in range(round(PATIENCE / SETTLED)):
-            if equal == STILL:
+        for _ in range(round(PATIENCE / PERIOD)):
+            if equal == REPEATS:
                 break
-            page.wait_for_timeout(1000 * SETTLED)
+            page.wait_for_timeout(1000 * PERIOD)
             picture = shoot()
             equal, last = equal + 1 if np.array_equal(picture, last) else 0, picture
         yield shoot

@@ -65,7 +65,7 @@ class Player(View):
             for title, names, time, values in _curves(recording):
                 self._panel.add(of + title, names).draw(time, values)
             rows = np.unique(np.linspace(0, len(recording) - 1, WAY_POINTS).astype(int))
-            actor.show_path(actor.marker.path(recording.q[rows]))
+            actor.show_path(recording.q[rows])
         self.seek(begin)
 
     def play(self, on: bool = True) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import viser
 
 HERE = "127.0.0.1"
-PORT, TRIED = 8080, 50  # the default port, and how many after it are tried
+PORT, PORT_COUNT = 8080, 50  # the default port, and how many from it on are tried
 CONTROLS = 320  # width of the panel of controls in pixels
 # Boxes of sliders wide enough for eight digits; those of the library hold five
 ROOMY = "<style>.mantine-Slider-root + .mantine-NumberInput-root {width: 4rem !important}</style>"
@@ -76,7 +76,7 @@ def address(server: viser.ViserServer) -> str:
 def _free_port(host: str, port: int | None) -> int:
     """A port that can be used; viser would try others, and forever at a wrong address."""
     first = PORT if port is None else port
-    for candidate in range(first, first + (TRIED if port is None else 1)):
+    for candidate in range(first, first + (PORT_COUNT if port is None else 1)):
         try:
             family = socket.getaddrinfo(host, None)[0][0]
             with socket.create_server((host, candidate), family=family) as trial:

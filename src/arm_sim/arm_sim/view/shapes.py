@@ -170,7 +170,7 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
         ways = [model.jointPlacements[child].translation for child in model.children[joint]]
         axis = np.asarray(model.joints[joint].createData().S).ravel()[3:]
         if model.parents[joint] and axis.any():
-            add(joint, "cylinder", axis, np.zeros(3), 4 * thin, 9 * thin, BEARING)
+            add(joint, "cylinder", axis, np.zeros(3), 3 * thin, 6 * thin, BEARING)
         for way in ways or [body.lever]:
             if (length := float(np.linalg.norm(way))) > thin:
                 add(joint, "capsule", way, way / 2, 2 * thin, length)

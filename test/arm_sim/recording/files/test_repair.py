@@ -150,16 +150,13 @@ def test_the_files_of_a_bag_become_one(tmp_path: Path) -> None:
     assert count == found.count and count["/sim/ticks"] == 1100
 
 
-@pytest.mark.parametrize(
-    ("cut", "out", "said"),
-    [
-        ("cut.mcap", "old.mcap", "'old.mcap' exists, and another recorder may"),
-        ("cut.mcap", "new.db3", "only .mcap is repaired, into .mcap"),
-        ("cut.db3", "new.mcap", "ros2 bag reindex writes its metadata.yaml"),
-        ("cut.mcap", "new.mcap", "'cut.mcap' contains nothing that can be repaired"),
-        ("text.mcap", "new.mcap", "'text.mcap' is not an MCAP file"),
-    ],
-)
+@pytest.mark.parametrize(("cut", "out", "said"), [
+    ("cut.mcap", "old.mcap", "'old.mcap' exists, and another recorder may"),
+    ("cut.mcap", "new.db3", "only .mcap is repaired, into .mcap"),
+    ("cut.db3", "new.mcap", "ros2 bag reindex writes its metadata.yaml"),
+    ("cut.mcap", "new.mcap", "'cut.mcap' contains nothing that can be repaired"),
+    ("text.mcap", "new.mcap", "'text.mcap' is not an MCAP file"),
+])  # fmt: skip
 def test_what_is_not_repaired_leaves_nothing_behind(
     cut: str, out: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

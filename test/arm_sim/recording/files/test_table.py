@@ -91,20 +91,17 @@ def test_what_cannot_be_read_is_refused_by_row_and_column(
         loaded(tmp_path, content)
 
 
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [
-        (timed(*STAMPS), "time counts from 2025-03-30 01:59:59.990"),
-        (timed(*STAMPS, between=";").replace(".9", ",9"), "counts from 2025-03-30 01:59:59,990"),
-        (timed("30.03.2025 23:59:59.998", "31.03.2025 00:00:00.003"), "counts from 30.03.2025"),
-        (timed("2025-03-30T01:59:59.998Z", "2025-03-30T04:00:00.003+02:00"), "T01:59:59.998Z"),
-        (timed("9:59:59.998", "10:00:00.003"), "time counts from 9:59:59.998"),
-        (timed(1760000000123456789, 1760000000128456789), "read as ns since 1970"),
-        (timed(1760000000123, 1760000000128), "from 1760000000123, read as ms since 1970"),
-        (timed("1760000000.123456", "1760000000.128456"), "time counts from 1760000000.123456"),
-        (timed(0, 5).replace("time", "time [ms]"), ""),
-    ],
-)
+@pytest.mark.parametrize(("content", "told"), [
+    (timed(*STAMPS), "time counts from 2025-03-30 01:59:59.990"),
+    (timed(*STAMPS, between=";").replace(".9", ",9"), "counts from 2025-03-30 01:59:59,990"),
+    (timed("30.03.2025 23:59:59.998", "31.03.2025 00:00:00.003"), "counts from 30.03.2025"),
+    (timed("2025-03-30T01:59:59.998Z", "2025-03-30T04:00:00.003+02:00"), "T01:59:59.998Z"),
+    (timed("9:59:59.998", "10:00:00.003"), "time counts from 9:59:59.998"),
+    (timed(1760000000123456789, 1760000000128456789), "read as ns since 1970"),
+    (timed(1760000000123, 1760000000128), "from 1760000000123, read as ms since 1970"),
+    (timed("1760000000.123456", "1760000000.128456"), "time counts from 1760000000.123456"),
+    (timed(0, 5).replace("time", "time [ms]"), ""),
+])  # fmt: skip
 def test_times_of_calendars_and_other_units(content: str, told: str, tmp_path: Path) -> None:
     run = loaded(tmp_path, content)
     np.testing.assert_allclose(run.time, [0.0, 0.005], rtol=0.0, atol=1e-12)
@@ -164,15 +161,12 @@ def test_what_ros2_topic_echo_prints(tmp_path: Path) -> None:
 # --- names of columns ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        ("Time [s]", "hip_position", "hip_effort"),
-        ("t", "q_hip [rad]", "tau_hip [Nm]"),
-        ("timestamp", "pos_hip", "torque_hip"),
-        ("__time", "/joint_states/hip/position", "/joint_states/hip/effort"),
-    ],
-)
+@pytest.mark.parametrize("names", [
+    ("Time [s]", "hip_position", "hip_effort"),
+    ("t", "q_hip [rad]", "tau_hip [Nm]"),
+    ("timestamp", "pos_hip", "torque_hip"),
+    ("__time", "/joint_states/hip/position", "/joint_states/hip/effort"),
+])  # fmt: skip
 def test_the_same_table_under_many_names(names):
     header = read_header(names)
     assert header.clock == Column(0)

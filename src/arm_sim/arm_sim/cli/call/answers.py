@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 SHOWN = 20  # points of a batch shown on a terminal
-_DUST = 1e-14  # relative to the largest number in the table
+_ROUNDING = 1e-14  # of zeros, relative to the largest number in the table
 
 
 class Answer:
@@ -34,27 +34,31 @@ class Answer:
         self, service: Service, response: Any, request: Mapping[Field, Vector],
         joints: Mapping[str, str],
     ) -> None:  # fmt: skip
-        import numpy as np
-
         self._request = {field: vector for field, vector in request.items() if "k" in field.shape}
         self._batch = any(vector.batch for vector in self._request.values())
         self._count = next((len(x.rows) for x in self._request.values()), 0) or 1
-        self._prismatic = {kind == "prismatic" for kind in joints.values()}
+        self._joint_types = set(joints.values())
         self._names = {"n": list(joints)}  # of rows and columns, by dimension
         self._lists: dict[str, Field] = {}  # the fields that contain them
         for field in service.response:
             if field.type == "string[]" and field.shape and field.shape[0] not in self._lists:
                 self._lists[field.shape[0]] = field
                 self._names[field.shape[0]] = list(getattr(response, field.name))
-        # The request is checked by the names above, and arrays are shaped by both.
         self._check_request()
-        self._values: dict[Field, Any] = {}  # arrays in their shapes, none that is left empty
-        for field in service.response:
+        self._values = self._shaped(service.response, response)
+
+    def _shaped(self, fields: Sequence[Field], response: Any) -> dict[Field, Any]:
+        """Values of a response, arrays in their shapes; none that is left empty."""
+        import numpy as np
+
+        values = dict[Field, Any]()
+        for field in fields:
             value, shape = getattr(response, field.name), [self._size(dim) for dim in field.shape]
             if not shape:
-                self._values[field] = value
+                values[field] = value
             elif len(value) or not math.prod(shape):
-                self._values[field] = np.array(value).reshape(shape)
+                values[field] = np.array(value).reshape(shape)
+        return values
 
     def _check_request(self) -> None:
         """Refuse rows of another length than their names: several points are to be listed so."""
@@ -151,8 +155,9 @@ class Answer:
         name, units = field.name.replace("_", " "), field.units
         if field.shape and field.shape[-1].isdigit():  # only the comment says what each entry is
             return f"{name} ({field.about})"
-        if "n" in field.shape and len(self._prismatic) == 1:
-            units = units[-1:] if True in self._prismatic else units[:1]
+        sliding = {joint_type == "prismatic" for joint_type in self._joint_types}
+        if "n" in field.shape and len(sliding) == 1:
+            units = units[-1:] if sliding == {True} else units[:1]
         return f"{name} [{', '.join(units)}]" if units else name
 
 
@@ -178,7 +183,7 @@ def readable(values: np.ndarray) -> np.ndarray:
     import numpy as np
 
     largest = abs(values[np.isfinite(values)]).max(initial=0.0)
-    return np.where(abs(values) >= _DUST * largest, values, 0.0)
+    return np.where(abs(values) >= _ROUNDING * largest, values, 0.0)
 
 
 def _numbered(names: Sequence[str]) -> list[str]:

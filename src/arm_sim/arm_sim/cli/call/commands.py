@@ -4,54 +4,25 @@
 from array import array
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from functools import partial, reduce
-from operator import or_
+from functools import partial
 from typing import Any
 
 import click
 
-from arm_dynamics.exceptions import choices
 from arm_sim.cli.arguments import Json, Timeout
 from arm_sim.cli.call.answers import Answer, print_json
 from arm_sim.cli.call.services import DYNAMICS, MODEL_INFO, SERVICES, Field, Service
 from arm_sim.cli.command import command, option_name
 from arm_sim.cli.completion import Commands
 from arm_sim.cli.output import examples, say
-from arm_sim.cli.vectors import HOW, Vector, VectorType
+from arm_sim.cli.vectors import HOW, BitsType, Vector, VectorType, WordsType
 
 Request = Mapping[Field, Any]
 POINTS = '"[[…], […]]" for two points, or @FILE'
 
 
-class _Words(click.ParamType):
-    """Names, with commas or spaces between them."""
-
-    name = "text"
-
-    def convert(self, value: str, param: Any, ctx: click.Context | None) -> Any:
-        """List them."""
-        return value.replace(",", " ").split()
-
-
-class _Bits(_Words):
-    """Names of bits of a number."""
-
-    name = "names"
-
-    def __init__(self, bits: Mapping[str, int]) -> None:
-        self._bits = bits
-
-    def convert(self, value: str, param: Any, ctx: click.Context | None) -> int:
-        """The number with these bits, or a usage error."""
-        names = set(super().convert(value.lower(), param, ctx))
-        unknown = min(names - {*self._bits}, default="")
-        if unknown or not names:
-            self.fail(f"{value!r}; allowed: some of {choices(unknown, self._bits)}", param, ctx)
-        return reduce(or_, (self._bits[name] for name in names))
-
-
 KINDS = {
-    "float64": click.FLOAT, "string": click.STRING, "string[]": _Words(),
+    "float64": click.FLOAT, "string": click.STRING, "string[]": WordsType(),
     "uint8": click.IntRange(0, 2**8 - 1), "uint32": click.IntRange(0, 2**32 - 1),
 }  # fmt: skip
 
@@ -60,7 +31,7 @@ def _command(service: Service) -> click.Command:
     """The command of a service."""
     name = service.command.replace("_", "-")
 
-    def call(
+    def run(
         *, node: str = f"/{service.node}", timeout: Timeout = 5.0, as_json: Json = False, **options
     ) -> None:
         """Call a service and print the answer; fail if the node does not answer or refuses.
@@ -80,7 +51,7 @@ def _command(service: Service) -> click.Command:
             raise click.UsageError(f"nothing to set: give {' or '.join(map(_option, contents))}")
         try:
             with closing(Caller(timeout)) as caller:
-                _call(partial(_ask, caller, node), service, node, request, as_json)
+                _send_and_print(partial(_response, caller, node), service, node, request, as_json)
         except NoAnswer as error:
             start = f"\n  start one in another terminal: ./arm {service.node} SCENE"
             raise click.ClickException(
@@ -96,7 +67,7 @@ def _command(service: Service) -> click.Command:
     lines = (f"./arm call {name} {words}".strip() for words in service.examples.split("\n"))
     fields = sorted(service.request, key=lambda field: field.name == "joint_names")
     options = [_parameter(service, field) for field in fields]
-    subcommand = command(*lines, name=name, first=options)(call)
+    subcommand = command(*lines, name=name, first=options)(run)
     subcommand.help, subcommand.short_help = service.help, service.short_help
     return subcommand
 
@@ -111,7 +82,7 @@ def _parameter(service: Service, field: Field) -> click.Parameter:
     if field.type == "bool":
         return click.Option([_option(field), field.name], is_flag=True, help=f"{about}.")
     if field.type == "uint8" and service.bits:
-        kind = _Bits(service.bits)
+        kind = BitsType(service.bits)
         default = next((name for name, bit in service.bits.items() if str(bit) == default), "")
         about = f"Some of {', '.join(service.bits)}"
     else:
@@ -127,7 +98,7 @@ def _parameter(service: Service, field: Field) -> click.Parameter:
     )  # fmt: skip
 
 
-def _ask(caller: Any, node: str, service: Service, **fields: Any) -> Any:
+def _response(caller: Any, node: str, service: Service, **fields: Any) -> Any:
     """The response of a node; ``Refused`` if it has declined and answered nothing."""
     from arm_dynamics.exceptions import Refused
     from arm_dynamics.ros import interfaces
@@ -141,7 +112,7 @@ def _ask(caller: Any, node: str, service: Service, **fields: Any) -> Any:
     return response
 
 
-def _call(
+def _send_and_print(
     ask: Callable[..., Any], service: Service, node: str, request: Request, as_json: bool
 ) -> None:
     """Send a request, and print the response."""
@@ -197,15 +168,14 @@ def _value(field: Field, value: Any, joints: list[str]) -> Any:
     return numbers if size else array("d", numbers)
 
 
-@click.group(
-    cls=Commands,
-    commands=[_command(service) for service in SERVICES],
-    epilog=examples(
-        './arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
-        './arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity',
-        "./arm call model-info --json",
-    ),
+_EXAMPLES = examples(
+    './arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
+    './arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity',
+    "./arm call model-info --json",
 )
+
+
+@click.group(cls=Commands, commands=[*map(_command, SERVICES)], epilog=_EXAMPLES)
 def call() -> None:
     """Call a service of a running node.
 

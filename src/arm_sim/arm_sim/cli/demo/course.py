@@ -25,10 +25,10 @@ from arm_sim.cli.output import console, progress, quiet, show
 from arm_sim.recording import Recording
 from arm_sim.view.server import library
 
-_SETTLED = 0.3  # [s] of observation after the motion
-_OPENING = 3.0  # [s] for a browser to open
-_PAUSE = 10.0  # [s] between lines of progress
-_LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
+_AFTER_MOTION = 0.3  # [s] of observation after the motion
+_OPENING_TIME = 3.0  # [s] for a browser to open
+_PRINT_PERIOD = 10.0  # [s] between lines of progress
+_LONGEST_DELAY = 10.0  # [s] that the motion may take beyond one and a half times its duration
 RECORDING = "run.mcap"
 
 
@@ -69,7 +69,7 @@ class _PrintedProgress:
         if description:
             self._began, self._printed, self._description = now, now, description
             self._out.print(f"{description} …")
-        elif now > self._printed + _PAUSE:
+        elif now > self._printed + _PRINT_PERIOD:
             self._printed = now
             self._out.print(f"  {self._description}: {now - self._began:.0f} s")
 
@@ -115,13 +115,13 @@ def _run(
 def _follow(motion: DemoMotion, processes: Processes, observer: Observer) -> None:
     """Send the motion, and wait until the arm has made it."""
     duration = motion.trajectory.duration
-    patience = _LATE + 1.5 * duration
+    patience = _LONGEST_DELAY + 1.5 * duration
     if not observer.send(motion.waypoints):
         raise DemoFailed(
             "the controller did not follow the trajectory; its log says:\n"
             + processes.tail("controller")
         )
-    if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience):
+    if not observer.until(lambda: observer.now() >= duration + _AFTER_MOTION, patience):
         raise DemoFailed(
             f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
             f"{patience:g} s ({report.load()}); the simulator's log says:\n"
@@ -137,7 +137,7 @@ def _open_view(processes: Processes, scene: Path) -> str:
         time.sleep(0.1)
     address = next(word for word in log.split() if word.startswith("http://"))
     webbrowser.open(address)
-    time.sleep(_OPENING)
+    time.sleep(_OPENING_TIME)
     return address
 
 

@@ -190,7 +190,7 @@ class Observer(Listener):
             work=np.array([energy.input for energy in energies]),
             heat=np.array([energy.dissipated for energy in energies]),
             residual=np.array([energy.balance for energy in energies]),
-        )
+        )  # fmt: skip
 
     def _time(self, message: Any) -> float:
         return 1e-9 * (to_nanoseconds(message.header.stamp) - self.start)

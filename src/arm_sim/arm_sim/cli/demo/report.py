@@ -25,14 +25,14 @@ Numbers = dict[str, Any]
 # Requirements for a closed loop; a good run is far better than these.
 LEAST_RATE = 0.8  # fraction of the ticks of real time
 GOOD_RATE = 0.99  # fraction below which a remark is printed
-MOST_LATE = 0.02  # fraction of late ticks from which on the machine is busy
+MOST_LATE_TICKS = 0.02  # fraction of late ticks from which on the machine is busy
 LEAST_COMMANDS = 100  # commands per second of the motion
 MOST_ERROR = 0.02  # [rad, m] RMS
-ARRIVED = 0.02  # [rad, m] from the goal at the end
+GOAL_TOLERANCE = 0.02  # [rad, m] from the goal at the end
 
 DOTS = 30  # number of service answers that are drawn
-APART = 5e-3  # of all positions: references that are closer to them are not drawn
-WEAK = 0.1  # of the largest torque: joints with less are drawn in a panel of their own
+COINCIDENCE = 5e-3  # of all positions: references that are closer to them are not drawn
+SMALL_TORQUE = 0.1  # of the largest torque: joints with less are drawn in a panel of their own
 CIRCLES: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "ms": 3.0, "mew": 0.8}
 
 
@@ -81,8 +81,8 @@ def complaints(n: Numbers) -> list[str]:
             n["commands"] >= LEAST_COMMANDS * n["duration"],
         "the dynamics node answered no torque query": n["questions"],
         f"tracking error {error}; allowed: {MOST_ERROR:g}": n["error_rms"] <= MOST_ERROR,
-        f"the arm stopped {distance} from its goal; allowed: {ARRIVED:g}":
-            n["goal_distance"] <= ARRIVED,
+        f"the arm stopped {distance} from its goal; allowed: {GOAL_TOLERANCE:g}":
+            n["goal_distance"] <= GOAL_TOLERANCE,
     }  # fmt: skip
     return [complaint for complaint, holds in required.items() if not holds]
 
@@ -107,7 +107,7 @@ def cause(n: Numbers) -> str:
 
 
 def _late(n: Numbers) -> bool:
-    return bool(n["missed"] > MOST_LATE * n["ticks"])
+    return bool(n["missed"] > MOST_LATE_TICKS * n["ticks"])
 
 
 def _busy(n: Numbers) -> str:
@@ -158,18 +158,18 @@ def draw(
     prefix, scale = ("m", 1e3) if abs(run.error).max() > 1e-4 else ("µ", 1e6)
     unit = units(types, f"{prefix}rad", f"{prefix}m")
     title = (
-        f"{n['robot']}: computed torque at {1e-3 * n['wanted_rate']:g} kHz, tracking error "
+        f"{n['robot']}: computed torque at {n['wanted_rate']:g} Hz, tracking error "
         f"{scale * n['error_rms']:.3g} {unit} RMS"
     )
     joints = widest_columns(run.position)
     short = [joint_words(names)[i] for i in joints]
     effort, answers = run.effort[:, joints], run.query_effort[:, joints]
     largest, every = np.max(abs(effort), axis=0), max(1, len(answers) // DOTS)
-    weak = largest < WEAK * largest.max()  # their curves would coincide at zero
+    weak = largest < SMALL_TORQUE * largest.max()  # their curves would coincide at zero
     panels, size = (4, 7.0) if weak.any() else (3, 6.0)
     with figure(file, panels, 1, (WIDTH, size), sharex=True) as (position, error, *torques):
         position.plot(run.time, run.position[:, joints], label=short)
-        if abs(run.error).max() > APART * np.ptp(run.position):
+        if abs(run.error).max() > COINCIDENCE * np.ptp(run.position):
             wide = {"color": "0.8", "lw": 3.5, "zorder": 1.5}
             position.plot(run.time, run.reference[:, joints], label="reference", **wide)
         position.set(title=title, ylabel=f"position [{units(types, 'rad', 'm')}]")

@@ -14,10 +14,10 @@ from arm_sim.cli.robot.listener import Listener, full, trajectory_message
 from arm_sim.cli.robot.node_parameters import Parameters
 from arm_sim.cli.robot.reports import ERROR, Reports
 
-_JUMP = 0.05  # [s] by which the remaining time changes when a motion is replaced
+_LEAST_JUMP = 0.05  # [s] by which the remaining time changes when a motion is replaced
 _PLANNING = 30.0  # [s] timeout of planning
-_SILENT = ": no joint state for"  # a symptom, whose cause is reported instead
-_SAME = 1e-9  # [rad] or [m] tolerance between equal references
+_SILENCE = ": no joint state for"  # a symptom, whose cause is reported instead
+_TOLERANCE = 1e-9  # [rad] or [m] tolerance between equal references
 
 
 class Controller(Listener):
@@ -70,13 +70,13 @@ class Controller(Listener):
 
     def _of_namespace(self, reports: list[str]) -> list[str]:
         prefix = self._space.lstrip("/")
-        return [line for line in reports if line.startswith(prefix) and _SILENT not in line]
+        return [line for line in reports if line.startswith(prefix) and _SILENCE not in line]
 
     @property
     def replaced(self) -> bool:
         """Whether the reference has ended at another position than the goal."""
         reference, goal = self.reference, self._target.items()
-        return any(abs(reference[name] - x) > _SAME for name, x in goal if name in reference)
+        return any(abs(reference[name] - x) > _TOLERANCE for name, x in goal if name in reference)
 
     def wait_for_state(self) -> None:
         """Wait for the controller's state, or fail with what is missing."""
@@ -140,7 +140,7 @@ class Controller(Listener):
             # The same outcome may be of another motion, which has more time left.
             passed = 1e-9 * (to_nanoseconds(self._state.header.stamp) - start)
             left = max(before.remaining - passed, 0.0)
-            return self.outcome != outcome or abs(self.remaining - left) > _JUMP
+            return self.outcome != outcome or abs(self.remaining - left) > _LEAST_JUMP
 
         if not self.until(is_planned, _PLANNING):
             raise click.ClickException(f"no answer to the goal in {_PLANNING:g} s; {self.outcome}")

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from arm_sim.cli.robot.controller import Controller
 
 PEAK = 1.875  # ratio of a quintic's peak speed to its mean
-FASTEST = 1.0  # [rad/s] or [m/s], peak speed of a joint when no duration is given
-LEAST = 1.0  # [s]
+PEAK_SPEED = 1.0  # [rad/s] or [m/s], peak speed of a joint when no duration is given
+SHORTEST_MOTION = 1.0  # [s], duration unless one is given
 _GOAL = re.compile(r"(?P<name>[^=+]+?)(?P<operator>\+=|-=|=)(?P<number>.+)", re.DOTALL)
-_SAME = 1e-6  # [rad] or [m] between reference and start without a motion to it
+_OFFSET = 1e-6  # [rad] or [m] between reference and start without a motion to it
 _SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at rest
 POSE = VectorType('"X Y Z QX QY QZ QW"', 7, "x y z in m and quaternion x y z w")
 
@@ -96,7 +96,7 @@ def go(
             target = targets(joint_goals, reference)
             description, send = _joint_motion(controller, target, duration)
         else:
-            if any(abs(x - reference.get(name, x)) > _SAME for name, x in points.start.items()):
+            if any(abs(x - reference.get(name, x)) > _OFFSET for name, x in points.start.items()):
                 _follow(controller, *_joint_motion(controller, points.start, duration), tolerance)
             seconds = number(points.points[-1].time, 4)
             description = f"{len(points.points)} points in {seconds} s"
@@ -194,7 +194,7 @@ def targets(goals: Mapping[str, Goal], reference: Mapping[str, float]) -> dict[s
 
 
 def unhurried(target: Mapping[str, float], reference: Mapping[str, float]) -> float:
-    """A duration in [s] in which no joint gets faster than ``FASTEST``."""
+    """A duration in [s] in which no joint gets faster than ``PEAK_SPEED``."""
     distances = (abs(target[name] - reference[name]) for name in target.keys() & reference)
     farthest = max(distances, default=0.0)
-    return max(LEAST, PEAK * farthest / FASTEST)
+    return max(SHORTEST_MOTION, PEAK * farthest / PEAK_SPEED)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from arm_sim.cli.robot.listener import Listener
 
-_OLD = 0.5  # [s] after which joint states are reported as stopped
-_WAIT = 1.2  # [s] between lines while there are none
+_SILENCE = 0.5  # [s] after which joint states are reported as stopped
+_PERIOD = 1.2  # [s] between lines while there are none
 _WINDOW = 200  # number of states over which the rate is measured
 _CONDITIONS = ("at stops", "held")  # values in the diagnostics that are shown if there are any
 _NONE = ("", "none", "no")
@@ -65,8 +65,8 @@ def watch(
         arm = WatchedArm(full(topic))
         arm.join(listener)
         left = timeout
-        while left > _WAIT and not listener.until(lambda: arm.state is not None, _WAIT):
-            left -= _WAIT
+        while left > _PERIOD and not listener.until(lambda: arm.state is not None, _PERIOD):
+            left -= _PERIOD
             if not as_json:
                 click.echo(f"no joint states on {arm.topic} yet …", err=True)
         if not listener.until(lambda: arm.state is not None, left):
@@ -75,7 +75,7 @@ def watch(
                 f"sim SCENE; --topic selects another topic\n  {listener.where()}"
             )
         listener.until(lambda: arm.measured, 0.3)
-        listener.spin_for(_WAIT if once else 0.0)  # warnings come once a second
+        listener.spin_for(_PERIOD if once else 0.0)  # warnings come once a second
         try:
             _show(listener, arm, once, 1.0 / rate, as_json)
         except BrokenPipeError:  # the pipe was closed
@@ -126,7 +126,7 @@ class WatchedArm:
     def rate(self) -> float:
         """Joint states per second, as far as this process keeps up."""
         passed = self._times[-1] - self._times[0]
-        return 0.0 if self.age > _OLD or passed <= 0.0 else (len(self._times) - 1) / passed
+        return 0.0 if self.age > _SILENCE or passed <= 0.0 else (len(self._times) - 1) / passed
 
     def rows(self) -> list[tuple[str, float, float, float]]:
         """Name, position, velocity and effort of each joint; NaN for what the message lacks."""
@@ -140,7 +140,7 @@ class WatchedArm:
     def remarks(self) -> list[str]:
         """Lines below the table."""
         remarks = list[str]()
-        if self.age > _OLD:
+        if self.age > _SILENCE:
             remarks.append(f"stale: no joint state for {self.age:.1f} s")
         if len(names := self.publishers()) > 1:
             remarks.append(f"only the newest of the joint states of {', '.join(names)} are shown")

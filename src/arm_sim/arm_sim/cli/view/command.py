@@ -131,9 +131,9 @@ def view(
             library()
             if live:
                 from arm_sim.cli.robot.listener import Listener
-                from arm_sim.cli.view.live import followed
+                from arm_sim.cli.view.live import follower_page
 
-                page = followed(stack.enter_context(Listener()), live, what, host, port)
+                page = follower_page(stack.enter_context(Listener()), live, what, host, port)
             else:
                 motion = Motion(duration, control) if paths else None
                 page = page_of(what, host, port, motion, scene, topic, progress.append)

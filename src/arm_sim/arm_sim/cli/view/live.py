@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 # Fields of energies in messages by their names in the plot
 ENERGIES = {"kinetic": "kinetic", "potential": "potential", "total": "total", "supplied": "input",
             "dissipated": "dissipated"}  # fmt: skip
-MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
-CHARTED = 0.5  # [s] between drawings of curves
-LISTENING = 0.01  # [s] of listening before each picture
-OLD = 0.5  # [s] without data after which an arm is reported as silent
+MEMORY, SAMPLE_PERIOD = 20.0, 0.05  # [s] that curves go back, and between their points
+CHART_PERIOD = 0.5  # [s] between drawings of curves
+LISTENING_TIME = 0.01  # [s] of listening before each picture
+SILENCE = 0.5  # [s] without data after which an arm is reported as silent
 _CONTROL, _ENERGY = "controller/state", "sim/energy"
 _WAIT = 5.0  # [s] for joint states and for a description
 
@@ -137,7 +137,7 @@ class RunningArm:
 
 
 @dataclass
-class _Followed:
+class _FollowedArm:
     """An arm on the page; times in [s]."""
 
     arm: RunningArm
@@ -163,11 +163,11 @@ class Follower(View):
         for actor in actors:
             actor.draw(Instant(actor.marker.model.q0))
         joints = {actor.name: actor.marker.model.joint_names for actor in actors}
-        self._charts = RollingCharts(server, joints, tuple(ENERGIES), MEMORY, SAMPLED)
-        self._followed = [_Followed(*pair) for pair in zip(arms, actors, strict=True)]
+        self._charts = RollingCharts(server, joints, tuple(ENERGIES), MEMORY, SAMPLE_PERIOD)
+        self._followed = [_FollowedArm(*pair) for pair in zip(arms, actors, strict=True)]
 
     def _update(self, passed: float) -> None:
-        self._listener.until(self._ended.is_set, LISTENING)
+        self._listener.until(self._ended.is_set, LISTENING_TIME)
         for followed in self._followed:
             if (newest := followed.arm.newest()) is None:
                 continue
@@ -180,7 +180,7 @@ class Follower(View):
             with self._server.atomic():
                 actor.draw(Instant(q), leave_path=True)
             self._charts.add(actor.name, followed.time, lambda sample=sample: sample)
-        if self._charts.draw(CHARTED):
+        if self._charts.draw(CHART_PERIOD):
             self._report("")
 
     def _report(self, trouble: str) -> None:
@@ -189,13 +189,13 @@ class Follower(View):
             silence, state = time.monotonic() - followed.received, ""
             if np.isinf(silence):
                 state = ", no data yet"
-            elif silence > OLD:
+            elif silence > SILENCE:
                 state = f", silent for {silence:.0f} s"
             lines.append(f"{followed.actor.name}: t = {followed.time:.2f} s{state}")
         self._status.content = "\n\n".join([*lines, *([f"**{trouble}**"] if trouble else [])])
 
 
-def followed(
+def follower_page(
     listener: Listener, namespaces: Sequence[str], scenes: Sequence[str], host: str,
     port: int | None,
 ) -> View:  # fmt: skip

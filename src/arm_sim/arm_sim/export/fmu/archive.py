@@ -42,7 +42,7 @@ def build_fmus(
     simulator = tick.simulator
     model, nominal = simulator.model, simulator.arm.plant.parameters.nominal
     parameters = list(zip(tick.parameters, map(float, nominal), strict=False))
-    unit = model_description.Unit(
+    fmu = model_description.Fmu(
         name, f"robot '{model.pin.name}', {model.n} joints", simulator.dt,
         variables(model, simulator.state, parameters, frames), sources,
         tick.differentiable and not frames, of_frames(frames),
@@ -52,23 +52,23 @@ def build_fmus(
         _write(folder, sources)
         _compile(folder, "-c", f"{name}.c", "-o", "library.o")
         return {
-            f"{name}.fmu": _archive(unit, "3", folder),
-            f"{name}_fmi2.fmu": _archive(unit, "2", folder),
+            f"{name}.fmu": _archive(fmu, "3", folder),
+            f"{name}_fmi2.fmu": _archive(fmu, "2", folder),
         }
 
 
-def _archive(unit: model_description.Unit, version: str, folder: Path) -> bytes:
+def _archive(fmu: model_description.Fmu, version: str, folder: Path) -> bytes:
     """An FMU by a version of FMI; the folder contains the library's files, compiled."""
-    name, wrapper = unit.name, f"fmi{version}.c"
-    text = _wrapper(unit, wrapper, unit.token(version))
+    name, wrapper = fmu.name, f"fmi{version}.c"
+    text = _wrapper(fmu, wrapper, fmu.token(version))
     _write(folder, {wrapper: text})
     _compile(folder, "-shared", wrapper, "library.o", "-lm", "-o", "unit.so")
-    compiled, sources = (wrapper, f"{name}.c"), {**unit.sources, wrapper: text}
+    compiled, sources = (wrapper, f"{name}.c"), {**fmu.sources, wrapper: text}
     if version == "3":
-        description = model_description.fmi3_description(unit)
-        sources["buildDescription.xml"] = model_description.build_description(unit, compiled)
+        description = model_description.fmi3_description(fmu)
+        sources["buildDescription.xml"] = model_description.build_description(fmu, compiled)
     else:
-        description = model_description.fmi2_description(unit, compiled)
+        description = model_description.fmi2_description(fmu, compiled)
     return _zipped({
         "modelDescription.xml": description,
         f"binaries/{_PLATFORM[version]}/{name}.so": (folder / "unit.so").read_bytes(),
@@ -76,28 +76,25 @@ def _archive(unit: model_description.Unit, version: str, folder: Path) -> bytes:
     })  # fmt: skip
 
 
-def _wrapper(unit: model_description.Unit, file: str, token: str) -> str:
+def _wrapper(fmu: model_description.Fmu, file: str, token: str) -> str:
     """The source of the functions of FMI."""
-    parameters = [v.name for v in unit.variables if v.variability == "tunable"]
-    starts = ", ".join(repr(0.0 if v.start is None else v.start) for v in unit.variables)
+    parameters = [v.name for v in fmu.variables if v.variability == "tunable"]
+    starts = ", ".join(repr(0.0 if v.start is None else v.start) for v in fmu.variables)
     values = {
-        "JOINTS": str(sum(v.name.endswith(".position") for v in unit.variables)),
+        "JOINTS": str(sum(v.name.endswith(".position") for v in fmu.variables)),
         "PARAMETERS": str(len(parameters)),
-        "NAMES": ", ".join(f'"{name}"' for name in parameters) or "0",
-        "PERIOD": repr(unit.period),
-        "DEFAULTS": f"{{{starts}}}",
-        "TOKEN": f'"{token}"',
-        "FRAMES": str(len(unit.frames)),
-    }
-    if unit.slopes:
+        "NAMES": ", ".join(f'"{name}"' for name in parameters) or "0", "PERIOD": repr(fmu.period),
+        "DEFAULTS": f"{{{starts}}}", "TOKEN": f'"{token}"', "FRAMES": str(len(fmu.frames)),
+    }  # fmt: skip
+    if fmu.directional_derivatives:
         values["SLOPES"] = "1"
-    if unit.frames:
-        jacobians = (f"{unit.name}_jacobian_{frame}" for frame in unit.frames)
+    if fmu.frames:
+        jacobians = (f"{fmu.name}_jacobian_{frame}" for frame in fmu.frames)
         values["JACOBIANS"] = ", ".join(jacobians)
         values["EXTERNAL"] = str(parameters.index("external[0]"))
     definitions = "".join(f"#define {key} {value}\n" for key, value in values.items())
     text = amalgamated((OWN / file).read_text(encoding="utf-8"), {"library.h"})
-    return f'{definitions}#include "{unit.name}.h"\n\n{named(unit.name, text)}'
+    return f'{definitions}#include "{fmu.name}.h"\n\n{named(fmu.name, text)}'
 
 
 def _write(folder: Path, files: Mapping[str, str]) -> None:

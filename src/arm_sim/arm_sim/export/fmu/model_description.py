@@ -11,11 +11,11 @@ from arm_sim import __version__
 from arm_sim.export.fmu.variables import UNITS, Variable
 
 Element = ElementTree.Element
-_ADD = ElementTree.SubElement
+_add = ElementTree.SubElement
 
 
 @dataclass(frozen=True)
-class Unit:
+class Fmu:
     """A functional mock-up unit.
 
     Attributes:
@@ -24,7 +24,7 @@ class Unit:
         period: Length of a tick in [s].
         variables: Its variables in the order of their value references.
         sources: The library's files, ``N.h`` and ``N.c``, by name.
-        slopes: Whether it provides directional derivatives.
+        directional_derivatives: Whether it provides directional derivatives.
         frames: Parts of the names of the library's functions for the frames that take wrenches.
     """
 
@@ -33,7 +33,7 @@ class Unit:
     period: float
     variables: tuple[Variable, ...]
     sources: Mapping[str, str]
-    slopes: bool
+    directional_derivatives: bool
     frames: Sequence[str]
 
     def token(self, version: str) -> str:
@@ -42,75 +42,75 @@ class Unit:
         return f"{{{uuid5(NAMESPACE_URL, ''.join(parts))}}}"
 
 
-def fmi3_description(unit: Unit) -> str:
+def fmi3_description(fmu: Fmu) -> str:
     """The description by FMI 3.0 (section 2.4)."""
-    root, _ = _skeleton(unit, {"fmiVersion": "3.0", "instantiationToken": unit.token("3")}, {
-        "fixedInternalStepSize": repr(unit.period),
+    root, _ = _skeleton(fmu, {"fmiVersion": "3.0", "instantiationToken": fmu.token("3")}, {
+        "fixedInternalStepSize": repr(fmu.period),
         "canGetAndSetFMUState": "true", "canSerializeFMUState": "true",
-        **({"providesDirectionalDerivatives": "true"} if unit.slopes else {}),
+        **({"providesDirectionalDerivatives": "true"} if fmu.directional_derivatives else {}),
     })  # fmt: skip
-    variables = _ADD(root, "ModelVariables")
-    for k, variable in enumerate(unit.variables):
-        _ADD(variables, "Float64", {**_about(k, variable), **_numbers(variable)})
-    structure = _ADD(root, "ModelStructure")
+    variables = _add(root, "ModelVariables")
+    for k, variable in enumerate(fmu.variables):
+        _add(variables, "Float64", {**_about(k, variable), **_numbers(variable)})
+    structure = _add(root, "ModelStructure")
     for tag in ("Output", "InitialUnknown"):
-        for k in _outputs(unit):
-            _ADD(structure, tag, {"valueReference": str(k)})
+        for k in _outputs(fmu):
+            _add(structure, tag, {"valueReference": str(k)})
     return _text(root)
 
 
-def fmi2_description(unit: Unit, sources: Sequence[str]) -> str:
+def fmi2_description(fmu: Fmu, sources: Sequence[str]) -> str:
     """The description by FMI 2.0 (section 2.2), with the files in the folder ``sources``."""
-    root, simulation = _skeleton(unit, {"fmiVersion": "2.0", "guid": unit.token("2")}, {
+    root, simulation = _skeleton(fmu, {"fmiVersion": "2.0", "guid": fmu.token("2")}, {
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true",
-        **({"providesDirectionalDerivative": "true"} if unit.slopes else {}),
+        **({"providesDirectionalDerivative": "true"} if fmu.directional_derivatives else {}),
     })  # fmt: skip
-    files = _ADD(simulation, "SourceFiles")
+    files = _add(simulation, "SourceFiles")
     for name in sources:
-        _ADD(files, "File", {"name": name})
-    variables = _ADD(root, "ModelVariables")
-    for k, variable in enumerate(unit.variables):
-        _ADD(_ADD(variables, "ScalarVariable", _about(k, variable)), "Real", _numbers(variable))
-    structure = _ADD(root, "ModelStructure")
+        _add(files, "File", {"name": name})
+    variables = _add(root, "ModelVariables")
+    for k, variable in enumerate(fmu.variables):
+        _add(_add(variables, "ScalarVariable", _about(k, variable)), "Real", _numbers(variable))
+    structure = _add(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
-        unknowns = _ADD(structure, tag)
-        for k in _outputs(unit):
-            _ADD(unknowns, "Unknown", {"index": str(k + 1)})
+        unknowns = _add(structure, tag)
+        for k in _outputs(fmu):
+            _add(unknowns, "Unknown", {"index": str(k + 1)})
     return _text(root)
 
 
-def build_description(unit: Unit, sources: Sequence[str]) -> str:
+def build_description(fmu: Fmu, sources: Sequence[str]) -> str:
     """The file ``sources/buildDescription.xml`` of FMI 3.0 (section 2.5.1.4)."""
     root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
-    build = _ADD(root, "BuildConfiguration", {"modelIdentifier": unit.name})
+    build = _add(root, "BuildConfiguration", {"modelIdentifier": fmu.name})
     options = {"language": "C11", "compilerOptions": "-ffp-contract=off"}
-    files = _ADD(build, "SourceFileSet", options)
+    files = _add(build, "SourceFileSet", options)
     for name in sources:
-        _ADD(files, "SourceFile", {"name": name})
-    _ADD(build, "Library", {"name": "m", "external": "true"})
+        _add(files, "SourceFile", {"name": name})
+    _add(build, "Library", {"name": "m", "external": "true"})
     return _text(root)
 
 
 def _skeleton(
-    unit: Unit, versions: dict[str, str], abilities: dict[str, str]
+    fmu: Fmu, versions: dict[str, str], abilities: dict[str, str]
 ) -> tuple[Element, Element]:
     """What both descriptions begin with, and its part on co-simulation."""
     root = Element("fmiModelDescription", {
-        **versions, "modelName": unit.name, "description": unit.about,
+        **versions, "modelName": fmu.name, "description": fmu.about,
         "generationTool": f"arm_sim {__version__}", "variableNamingConvention": "flat",
         "license": "Apache-2.0",
     })  # fmt: skip
-    simulation = _ADD(root, "CoSimulation", {
-        "modelIdentifier": unit.name, "canHandleVariableCommunicationStepSize": "true",
+    simulation = _add(root, "CoSimulation", {
+        "modelIdentifier": fmu.name, "canHandleVariableCommunicationStepSize": "true",
         **abilities,
     })  # fmt: skip
-    definitions = _ADD(root, "UnitDefinitions")
-    for name in sorted({variable.unit for variable in unit.variables if variable.unit}):
+    definitions = _add(root, "UnitDefinitions")
+    for name in sorted({variable.unit for variable in fmu.variables if variable.unit}):
         exponents = {base: str(power) for base, power in UNITS[name].items()}
-        _ADD(_ADD(definitions, "Unit", {"name": name}), "BaseUnit", exponents)
-    _ADD(root, "DefaultExperiment", {
-        "startTime": "0", "stopTime": repr(1000 * unit.period), "stepSize": repr(unit.period),
+        _add(_add(definitions, "Unit", {"name": name}), "BaseUnit", exponents)
+    _add(root, "DefaultExperiment", {
+        "startTime": "0", "stopTime": repr(1000 * fmu.period), "stepSize": repr(fmu.period),
     })  # fmt: skip
     return root, simulation
 
@@ -131,8 +131,8 @@ def _numbers(variable: Variable) -> dict[str, str]:
     return unit | {key: repr(value) for key, value in finite.items()}
 
 
-def _outputs(unit: Unit) -> list[int]:
-    return [k for k, variable in enumerate(unit.variables) if variable.causality == "output"]
+def _outputs(fmu: Fmu) -> list[int]:
+    return [k for k, variable in enumerate(fmu.variables) if variable.causality == "output"]
 
 
 def _text(root: Element) -> str:

@@ -10,16 +10,10 @@ from arm_sim.state import State
 
 # Units of variables, as exponents of SI units; radians are counted for display only
 UNITS: dict[str, dict[str, int]] = {
-    "s": {"s": 1},
-    "rad": {"rad": 1},
-    "m": {"m": 1},
-    "rad/s": {"rad": 1, "s": -1},
-    "m/s": {"m": 1, "s": -1},
-    "N.m": {"kg": 1, "m": 2, "s": -2},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "A": {"A": 1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-}
+    "s": {"s": 1}, "rad": {"rad": 1}, "m": {"m": 1}, "rad/s": {"rad": 1, "s": -1},
+    "m/s": {"m": 1, "s": -1}, "N.m": {"kg": 1, "m": 2, "s": -2}, "N": {"kg": 1, "m": 1, "s": -2},
+    "A": {"A": 1}, "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -48,11 +42,9 @@ class Variable:
 
 
 def variables(
-    model: ArmModel,
-    state: State,
-    parameters: Sequence[tuple[str, float]],
+    model: ArmModel, state: State, parameters: Sequence[tuple[str, float]],
     frames: Sequence[str] = (),
-) -> tuple[Variable, ...]:
+) -> tuple[Variable, ...]:  # fmt: skip
     """Variables in the order of their value references, which ``native/instance.h`` fixes.
 
     Args:

@@ -13,7 +13,7 @@ from arm_sim.recording.files.messages import PARTS, JointState
 
 Indices = NDArray[np.int_]
 Stamps = NDArray[np.int64]
-_APART = 5e7  # [ns] between clocks that are not the same one
+_LEAST_CLOCK_OFFSET = 5e7  # [ns] between clocks that are not the same one
 HOLE = 4.0  # median steps between two messages across which values are not interpolated
 
 
@@ -92,7 +92,7 @@ def _clock(
             notes.append(f"{names}: stamps do not increase, times are those of arrival")
     apart = np.ptp([np.median(arrival[group] - times[group]) for group in groups])
     arrival_span, span = (np.ptp(clock[groups[0]]) for clock in (arrival, times))
-    if apart > _APART and abs(arrival_span - span) < 0.1 * span:
+    if apart > _LEAST_CLOCK_OFFSET and abs(arrival_span - span) < 0.1 * span:
         notes.append(f"clocks of joints are {1e-9 * apart:.3g} s apart, times are of arrival")
         return arrival, notes
     return times, notes

@@ -33,38 +33,34 @@ class TickFile(McapWriter):
         origin: Scene and method.
         joint_names: Order of the joints.
         prefix: Prefix of the suite's topics, such as ``/sim``.
-        states: Topic of joint states.
+        states_topic: Topic of joint states.
 
     Attributes:
-        states: Number of the channel of joint states.
-        ticks: Number of that of ticks.
-        changes: Number of that of changes.
-        log: Number of that of events.
-        robot: Number of that of the robot's description.
-        urdf: The message on it.
+        state_channel: Number of the channel of joint states.
+        tick_channel: Number of the channel of ticks.
+        change_channel: Number of the channel of changes.
+        log_channel: Number of the channel of events.
+        robot_channel: Number of the channel of the robot description.
+        description: The message with the robot description.
     """
 
     def __init__(
-        self,
-        place: Place,
-        origin: Origin,
-        joint_names: Sequence[str],
-        prefix: str = "/sim",
-        states: str = "/joint_states",
-    ) -> None:
+        self, place: Place, origin: Origin, joint_names: Sequence[str], prefix: str = "/sim",
+        states_topic: str = "/joint_states",
+    ) -> None:  # fmt: skip
         super().__init__(place)
         names = json.dumps(list(joint_names))
         self.add_metadata(METADATA, {"format": FORMAT, "joint_names": names, **origin.about()})
         texts = origin.texts()
         for name, text in texts.items():
             self.add_attachment(0, 0, name, "text/plain", text.encode())
-        folder = states.rpartition("/")[0]
-        self.states = self._channel(states, JOINT_STATE)
-        self.ticks = self._channel(f"{prefix}/ticks", TICK)
-        self.changes = self._channel(f"{prefix}/changes", CHANGE)
-        self.log = self._channel(f"{prefix}/events", LOG)
-        self.robot = self._channel(f"{folder}/robot_description", STRING, msg.LATCHED)
-        self.urdf = msg.written(STRING, data=texts[URDF_FILE])
+        folder = states_topic.rpartition("/")[0]
+        self.state_channel = self._channel(states_topic, JOINT_STATE)
+        self.tick_channel = self._channel(f"{prefix}/ticks", TICK)
+        self.change_channel = self._channel(f"{prefix}/changes", CHANGE)
+        self.log_channel = self._channel(f"{prefix}/events", LOG)
+        self.robot_channel = self._channel(f"{folder}/robot_description", STRING, msg.LATCHED)
+        self.description = msg.written(STRING, data=texts[URDF_FILE])
 
     def _channel(self, topic: str, kind: str, profile: str = "") -> int:
         return self.channel(topic, kind, msg.definition(kind), profile)
@@ -92,12 +88,12 @@ class TickFile(McapWriter):
         for row, stamp in enumerate(stamps.tolist()):
             if row and row not in contents.gaps:  # no tick leads across a gap
                 if measured[row]:
-                    self.add(self.states, stamp, states[row])
-                self.add(self.ticks, stamp, ticks[row])
+                    self.add(self.state_channel, stamp, states[row])
+                self.add(self.tick_channel, stamp, ticks[row])
             if row in changes:
-                self.add(self.changes, stamp, changes[row])
+                self.add(self.change_channel, stamp, changes[row])
             if row == 0 and first and measured[row]:
-                self.add(self.states, stamp, states[row])
+                self.add(self.state_channel, stamp, states[row])
             if row % _ROWS == 0:
                 self.flush()  # type: ignore[no-untyped-call]
         self.flush()  # type: ignore[no-untyped-call]
@@ -113,10 +109,10 @@ def write(place: Place, contents: Contents, efforts: Array) -> TickFile:
     if contents.origin is None:
         raise InvalidInput("the recording is not of a simulated scene")
     file = TickFile(place, contents.origin, contents.joint_names)
-    file.add(file.robot, int(_nanoseconds(contents.time[0])), file.urdf)
+    file.add(file.robot_channel, int(_nanoseconds(contents.time[0])), file.description)
     for event in contents.events:
         stamp = int(_nanoseconds(event.time))
-        file.add(file.log, stamp, log_message(stamp, _INFO, "sim", event.text))
+        file.add(file.log_channel, stamp, log_message(stamp, _INFO, "sim", event.text))
     file.write(contents, efforts, first=True)
     return file
 

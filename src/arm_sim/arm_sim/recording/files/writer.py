@@ -119,10 +119,9 @@ def complete(place: Place) -> None:
     statistics = summary.statistics
     start, end = statistics.message_start_time, statistics.message_end_time
     span = {
-        "duration": {"nanoseconds": end - start},
+        "duration": {"nanoseconds": end - start}, "message_count": statistics.message_count,
         "starting_time": {"nanoseconds_since_epoch": start},
-        "message_count": statistics.message_count,
-    }
+    }  # fmt: skip
     topics = [
         {
             "topic_metadata": {

@@ -74,16 +74,16 @@ class TickRecorder:
         self.file = TickFile(new_file(path), arm.origin, arm.joint_names, prefix, states)
         channel = self.file.channel
         self.channels = {topic: channel(topic, *about) for topic, about in topics.items()}
-        self.channels[states] = self.file.states
+        self.channels[states] = self.file.state_channel
         self.thread = ChunkThread(self.file, on_failure)
-        self._copy = TickCopy(arm, self.file.ticks, self.file.states)
+        self._copy = TickCopy(arm, self.file.tick_channel, self.file.state_channel)
         self._pending_states = deque[tuple[int, bytes]](maxlen=1)
         self._pending_messages = deque[tuple[int, int, bytes]]()
         # Whether every tick since the last complete state is in the file
         self._is_continuous = True
         self._plant, self._parameters = arm.plant, b""
         self.lost = 0
-        self.thread.add(self.file.robot, time.time_ns(), 0, self.file.urdf)
+        self.thread.add(self.file.robot_channel, time.time_ns(), 0, self.file.description)
         self._begin("start")
         ticks = engine.ticks
         ticks.copy, ticks.chunk = addressof(self._copy), None
@@ -155,7 +155,7 @@ class TickRecorder:
                 channel, stamp, data = self._pending_messages.popleft()
                 messages.append((channel, stamp or now, data))
             while self._pending_states:
-                messages.append((self.file.states, *self._pending_states.popleft()))
+                messages.append((self.file.state_channel, *self._pending_states.popleft()))
             if messages:
                 self.thread.add_all(now, messages)
         finally:
@@ -165,7 +165,7 @@ class TickRecorder:
         """Record an event; may be called from any thread."""
         stamp = self._engine.stamp
         message = log_message(stamp, level, self._name, text)
-        self._pending_messages.append((self.file.log, stamp, message))
+        self._pending_messages.append((self.file.log_channel, stamp, message))
         self._flush(wait=False)
 
     def _note_staleness(self) -> None:
@@ -186,7 +186,7 @@ class TickRecorder:
             CHANGE, stamp=stamp, text=why, tunable=tunable, parameters=p, state=arm.x,
             substep=substep, error=error, time_stepped=stepped,
         )  # fmt: skip
-        return self.thread.add(self.file.changes, time.time_ns(), stamp, change)
+        return self.thread.add(self.file.change_channel, time.time_ns(), stamp, change)
 
     def report(self) -> dict[str, Any]:
         """Summary: ticks, losses, bytes, and the thread's processor time in [s]."""

@@ -13,7 +13,7 @@ from arm_dynamics.arrays import read_only
 from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import Recording, Simulator, State
 from arm_sim.plant.actuation import computed_torque
-from arm_sim.recording.witness import CLOSED, WHOLE, WINDOWS
+from arm_sim.recording.second_run import CLOSED, WHOLE, WINDOWS
 from models.rotor import rotor
 from tolerances import assert_close
 

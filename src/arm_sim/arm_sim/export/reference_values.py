@@ -21,8 +21,9 @@ Point = tuple[Array, Array, Array]
 
 # Number of random states at which terms are compared
 TEST_POINTS = 3
-_COMMANDS, _HELD, _TORQUE_CAP = 5, 20, 50.0  # of ticks: commands, ticks of each, and [N m] at most
-_SPREAD, _CLOSED_SPREAD = 1.0, 0.1  # of positions around the initial ones, in loops the second
+_COMMANDS, _TICKS_PER_COMMAND = 5, 20
+_TORQUE_SHARE, _TORQUE_CAP = 0.1, 50.0  # of the limits of commands, and [N m] that count of them
+_SPREAD, _LOOP_SPREAD = 1.0, 0.1  # of positions around the initial ones, and in loops
 
 
 def test_points(model: ArmModel, count: int = TEST_POINTS) -> list[Point]:
@@ -38,13 +39,13 @@ def _closed(model: ArmModel, offset: Array, v: Array, a: Array) -> Point:
     closure = Closure(model, model.stops)
     names = closure.initially_active
     try:
-        q, v = closure.closed(model.q0 + _CLOSED_SPREAD * offset, v, names)
+        q, v = closure.closed(model.q0 + _LOOP_SPREAD * offset, v, names)
     except ConstraintError:  # a mechanism that hardly moves
         q, v = closure.closed(model.q0, v, names)
     return q, v, a
 
 
-class Expected:
+class ReferenceResults:
     """Right results of terms.
 
     Args:
@@ -74,46 +75,47 @@ class Expected:
         """
         for term in (term for term in terms if term.name not in DERIVATIVES):
             pairs = [(evaluated(term, *p)[0], self.of(term, *p)[0]) for p in points]
-            results, expected = (np.array(rows) for rows in zip(*pairs, strict=True))
-            scale = np.maximum(abs(expected), 1.0)
-            compare(f"function {term.name}", (results - expected, scale))
+            results, references = (np.array(rows) for rows in zip(*pairs, strict=True))
+            scale = np.maximum(abs(references), 1.0)
+            compare(f"function {term.name}", (results - references, scale))
 
 
 @dataclass(frozen=True)
-class ExpectedMotion:
-    """What ticks must give.
+class ReferenceMotion:
+    """A motion that ticks must give.
 
     Attributes:
         commands: Commands, one after another, shape (k, n).
-        held: Ticks for which each is held.
+        duration: Ticks for which each command is held.
         q: Positions at the end, shape (n,).
         v: Velocities at the end, shape (n,).
-        slopes: Derivatives A and B there, under the last command; None if there are none.
+        derivatives: Derivatives A and B there, under the last command; None if there are none.
     """
 
     commands: Array
-    held: int
+    duration: int
     q: Array
     v: Array
-    slopes: tuple[Array, Array] | None
+    derivatives: tuple[Array, Array] | None
 
 
-def test_motion(simulator: Simulator, derivatives: bool) -> ExpectedMotion:
+def test_motion(simulator: Simulator, *, differentiable: bool) -> ReferenceMotion:
     """Move an arm that is at its initial state, under small random commands, and put it back."""
     limit = np.minimum(simulator.model.command_limit, _TORQUE_CAP)
     shares = np.random.default_rng(0).uniform(-1.0, 1.0, (_COMMANDS, simulator.n))
-    commands = 0.1 * limit * shares
+    commands = _TORQUE_SHARE * limit * shares
     try:
-        end = simulator.run(_HELD * _COMMANDS * simulator.dt, np.repeat(commands, _HELD, axis=0))
-        slopes = _slopes(simulator, commands[-1]) if derivatives else None
+        rows = np.repeat(commands, _TICKS_PER_COMMAND, axis=0)
+        end = simulator.run(len(rows) * simulator.dt, rows)
+        derivatives = _derivatives(simulator, commands[-1]) if differentiable else None
     except SimulationDiverged as error:
         raise SceneError(f"the tick cannot be tested: {error}") from error
     finally:
         simulator.reset()
-    return ExpectedMotion(commands, _HELD, end.q[-1], end.v[-1], slopes)
+    return ReferenceMotion(commands, _TICKS_PER_COMMAND, end.q[-1], end.v[-1], derivatives)
 
 
-def _slopes(simulator: Simulator, command: Array) -> tuple[Array, Array] | None:
+def _derivatives(simulator: Simulator, command: Array) -> tuple[Array, Array] | None:
     try:
         return simulator.linearize(simulator.state, command)
     except NotDifferentiable:

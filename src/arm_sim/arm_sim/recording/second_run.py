@@ -68,7 +68,7 @@ class SecondRun:
     means: str
 
 
-class Witness:
+class MotionRepeater:
     """Runs motions of one scene a second time; built on first use.
 
     Args:
