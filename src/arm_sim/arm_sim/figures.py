@@ -226,7 +226,7 @@ def animation(
 
 
 def fill_with(axes: Any, points: Array) -> None:
-    """Set limits around points, shape (k, 2 or 3), of one scale, such that the axes keep their size.
+    """Set limits around points, shape (k, 2 or 3), of one scale; NaN is ignored.
 
     In a plane the axes keep their size.
     """
