@@ -60,8 +60,8 @@ ArmSystem::CallbackReturn ArmSystem::on_init(const hardware_interface::HardwareC
   }
   const std::size_t n = arm_->joints().size();
   joints_.assign(n, Joint());
-  for (auto* rows : {&state_, &reference_})
-    for (auto& row : *rows) row.assign(n, 0.0);
+  for (auto& row : state_) row.assign(n, 0.0);
+  for (auto& row : reference_) row.assign(n, kNone);
   command_.assign(n, 0.0);
   return CallbackReturn::SUCCESS;
 }

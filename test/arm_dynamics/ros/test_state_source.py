@@ -61,6 +61,7 @@ def test_who_speaks_alone_for_a_second_is_followed(heard: Heard) -> None:
     assert not any(heard(SECOND, now) for now in range(600, 1601, 10))
     assert not heard.complaint(1601)  # it is a successor
     assert heard(SECOND, 1601)
+    assert not heard.complaint(1602)
     assert not heard(FIRST, 1602)
     assert heard(SECOND, 1603)
 

@@ -153,7 +153,7 @@ def test_derivatives_are_compiled_on_request_for_a_level_of_processors(
     batch = Batch.of(
         sim.arm.plant, np.zeros((3, 1)), np.ones((3, 1)), [0.0], 5, sim.arm.parameters, False
     )
-    assert rollouts.side_by_side(batch) == []
+    assert rollouts.run_in_lanes(batch) == []
     assert not list((tmp_path / "cache").rglob("*.so"))
 
 

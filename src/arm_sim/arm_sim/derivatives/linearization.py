@@ -138,11 +138,14 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If there is no such derivative either, as where a motion grazes.
         """
-        if not (compiled := self.ticks.compiled.smooth_ticks):
-            return self.differentiate_arms(x, r, 1, threads, None)
         p = self._stepper.p
-        _, slopes, unfinished = compiled.differentiate(x, r, p, 1, threads, None, is_first=False)
-        for arm in self._unsmooth_arms(unfinished, x, r[:, None], 1):
+        if compiled := self.ticks.compiled.smooth_ticks:
+            _, slopes, rest = compiled.differentiate(x, r, p, 1, threads, None, is_first=False)
+            rest = self._unsmooth_arms(rest, x, r[:, None], 1)
+        else:
+            slopes = np.empty((len(x), self._plant.nx, self.ticks.column_count))
+            rest = list(range(len(x)))
+        for arm in rest:
             point, control = TickPoint(x[arm], r[arm], p), self.ticks.new_control()
             with named_in_errors(arm, len(x)):
                 slopes[arm] = self.ticks.differentiate_either_side(point, control, is_first=False)

@@ -14,7 +14,7 @@ import numpy as np
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.attributes import sealed, with_arguments
-from arm_dynamics.exceptions import ARM, SceneError, known_names, not_copied
+from arm_dynamics.exceptions import ARM, SceneError, counted, known_names, not_copied
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.motion import RecordedMotion
 from arm_sim.recording.origin import Origin
@@ -180,7 +180,7 @@ class Recording(RecordedMotion):
     def __repr__(self) -> str:
         """A summary: duration, origin, events, and the verdict, if it is computed."""
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
-        joints = f"{len(self.joint_names)} joints: {known_names(self.joint_names, 8)}"
+        joints = f"{counted(len(self.joint_names), 'joint')}: {known_names(self.joint_names, 8)}"
         lines = [f"{max(len(self) - 1, 0)} time steps, {span}", joints, *self._origin_texts()]
         for items, name in (
             (self.jumps, "changes between time steps"), (self.events, "events"),

@@ -4,7 +4,7 @@
 Depends on models of arms; on simulators and recordings only where a scene is compared with a
 recording (``compare``) and where files are read; not on ROS.
 Public are ``identify`` and its result, an ``Identification``; ``identify_payload``
-and, with intervals, ``estimate_payload``;
+and, with intervals, ``estimate_payload``; ``write``, for a result's scene, report and figures;
 ``JointRecord`` (joint states as measured); ``mapped``, which matches its joints with those of a
 scene; ``prepare``, which resamples and filters it into a ``MeasuredMotion`` with accelerations;
 ``excite``, which computes an exciting motion within a ``Room``;
@@ -22,6 +22,7 @@ from arm_studies.identification.excitation import Box, Excitation, Room, excite
 from arm_studies.identification.names import mapped
 from arm_studies.identification.payload import PayloadEstimate, estimate_payload, identify_payload
 from arm_studies.identification.preparation.even_record import prepare
+from arm_studies.identification.report import write
 from arm_studies.identification.result import Identification
 from arm_studies.identification.whole_arm import identify
 
@@ -29,5 +30,5 @@ __all__ = [
     "Box", "Comparison", "Excitation", "FreeRun", "Identification", "JointRecord", "JointTest",
     "Match", "MeasuredMotion", "MotorRecord", "PayloadEstimate", "Room", "SmallMotion", "compare",
     "estimate_payload", "excite", "identify", "identify_bristles", "identify_joint",
-    "identify_motor", "identify_payload", "mapped", "prepare",
+    "identify_motor", "identify_payload", "mapped", "prepare", "write",
 ]  # fmt: skip

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Comparison of a scene with a recording: errors of its torques and of free simulation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

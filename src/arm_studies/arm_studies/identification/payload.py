@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification of the payload of a known arm."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial

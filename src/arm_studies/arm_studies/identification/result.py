@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Result of an identification: a record of each joint and of each parameter, with its interval."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How well a fit predicts what was held out, beside the nominal scene."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

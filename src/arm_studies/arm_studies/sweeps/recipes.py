@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a study to worlds: groups of runs with common equations, and their differences."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

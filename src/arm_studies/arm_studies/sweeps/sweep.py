@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Execution of a sweep, from its study to its table."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence

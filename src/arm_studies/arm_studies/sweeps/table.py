@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of a sweep: a row for each run, in order, and its files."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

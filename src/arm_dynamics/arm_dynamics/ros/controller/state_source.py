@@ -42,6 +42,7 @@ class StateSource:
             self._count += 1
             if self._count < MIN_STATES or now - self._since <= SILENCE:
                 return False
+            shared.other_time = 0  # it is the followed one now
         shared.sender[:], shared.last_time = sender, now
         return True
 

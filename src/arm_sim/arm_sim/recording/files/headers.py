@@ -64,25 +64,22 @@ def read_header(names: Sequence[str]) -> Header:
     Raises:
         InvalidInput: If two columns are the same quantity of a joint.
     """
-    clock, columns = None, dict[tuple[str, str], Column]()
+    clock, entries = None, list[tuple[str, str, Column]]()
     for place, name in enumerate(names):
         label, unit = _unit(name)
         if clock is None and (factor := _clock(label, unit)):
             clock = Column(place, factor)
         elif (key := _part(label)) and unit in _UNITS:
-            part, joint = key
-            if key in columns:
-                raise InvalidInput(
-                    f"columns '{names[columns[key].place]}' and '{name}' are both the {part} of "
-                    f"joint '{joint}'; one is expected"
-                )
-            columns[key] = Column(place, _UNITS[unit])
-    numbers = [int(joint) for _, joint in columns if joint.isdecimal()]
-    offset = 1 if 0 in numbers else 0
-    columns = {
-        (part, f"joint{int(joint) + offset}" if joint.isdecimal() else joint): column
-        for (part, joint), column in columns.items()
-    }
+            entries.append((*key, Column(place, _UNITS[unit])))
+    offset = int(any(joint.isdecimal() and int(joint) == 0 for _, joint, _ in entries))
+    columns = dict[tuple[str, str], Column]()
+    for part, label, column in entries:
+        joint = f"joint{int(label) + offset}" if label.isdecimal() else label
+        if (known := columns.setdefault((part, joint), column)) is not column:
+            raise InvalidInput(
+                f"columns '{names[known.place]}' and '{names[column.place]}' are both the {part} "
+                f"of joint '{joint}'; one is expected"
+            )
     joints = tuple(dict.fromkeys(joint for part, joint in columns if part == PARTS[0]))
     return Header(clock, joints, columns)
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The model of a test of a drive, a record of the test, and its simulation with derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import casadi as ca

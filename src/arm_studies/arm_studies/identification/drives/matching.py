@@ -6,8 +6,6 @@ and the initial state minimize the difference of simulated and measured outputs.
 positive and searched by their logarithms, so that all errors are relative.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import casadi as ca

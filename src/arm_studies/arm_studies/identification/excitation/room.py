@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Constraints of an exciting motion: limits of the joints, and the workspace."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Search for the most exciting motion of an arm."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import casadi as ca

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording at a constant rate, and its filtering into a motion with accelerations."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

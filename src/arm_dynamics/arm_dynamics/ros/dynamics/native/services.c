@@ -84,6 +84,7 @@ struct server {
   pthread_mutex_t calls; /* protects `called` and `ended` */
   pthread_cond_t call;
   bool ended;
+  int64_t last; /* the service that was called last */
 };
 
 /* The vector of a message at an offset. */
@@ -217,23 +218,22 @@ static void register_call(const void* called, size_t count) {
   pthread_mutex_unlock(&s->server->calls);
 }
 
-/* Wait for the next called service, in round-robin order after `last`; ENDED at the end. */
-static int64_t await_call(server_t* s, int64_t last) {
+/* Wait for the next called service, in round-robin order after the last one; ENDED at the end. */
+static int64_t await_call(server_t* s) {
   int64_t called = ENDED;
   pthread_mutex_lock(&s->calls);
   while (!s->ended && called == ENDED) {
     for (int64_t i = 1; i <= SERVICES && called == ENDED; ++i)
-      if (s->services[(last + i) % SERVICES].called) called = (last + i) % SERVICES;
+      if (s->services[(s->last + i) % SERVICES].called) called = (s->last + i) % SERVICES;
     if (called == ENDED) pthread_cond_wait(&s->call, &s->calls);
   }
-  if (s->ended) called = ENDED;
-  if (called != ENDED) s->services[called].called = false;
+  if (called != ENDED) s->services[s->last = called].called = false;
   pthread_mutex_unlock(&s->calls);
   return called;
 }
 
 int64_t server_serve(server_t* s) {
-  for (int64_t k = SERVICES - 1; (k = await_call(s, k)) != ENDED;) {
+  for (int64_t k; (k = await_call(s)) != ENDED;) {
     pthread_mutex_lock(&s->lock);
     int outcome = attend(s->services + k);
     pthread_mutex_unlock(&s->lock);
