@@ -243,3 +243,15 @@ def test_other_sides_are_refused(side: Any) -> None:
     sim = Simulator(wheel(), dt=H)
     with pytest.raises(InvalidInput, match="side = .*allowed: 1, -1 or None"):
         sim.linearize(sim.state, [0.0], side=side)
+
+
+@pytest.mark.parametrize("options", [{"integrator": "rk4"}, {"tolerance": 1e-12}], ids=str)
+def test_along_a_motion_a_tick_without_a_derivative_has_that_of_the_motion(
+    options: dict[str, Any],
+) -> None:
+    sim = Simulator(CASES[AT_A_LIMIT][0], dt=H, **options)
+    start, tau = place(sim, AT_A_LIMIT)
+    linearizer = sim.arm.compiled.derivatives.linearizer()
+    along = linearizer.jacobians_along(sim.arm.x[None], tau[None], 1)[0]
+    sides = [np.hstack(sim.linearize(start, tau, side=side)) for side in (1, -1)]
+    assert min(abs(along - of_side).max() for of_side in sides) < 1e-9

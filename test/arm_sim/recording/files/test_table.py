@@ -79,6 +79,8 @@ def test_missing_cells_are_nan(tmp_path: Path) -> None:
         (PLAIN.replace("0.010,", "0.004,"), "row 4, column 'time' = '0.004': it does not incre"),
         (PLAIN.replace("effort.", "position."), "two columns are named 'position.hip'"),
         (PLAIN.replace("effort.hip", "hip_pos"), "'position.hip' and 'hip_pos' are both the po"),
+        (PLAIN.replace("position.hip", "q1").replace("effort.hip", "position.joint1"),
+         "'q1' and 'position.joint1' are both the position of joint 'joint1'"),
         ("\n".join(ROWS), "row 1, column '1' = '0.000': a table without a header"),
         (PLAIN.replace("hip", "höft").encode("latin-1"), "row 1 is not UTF-8; UTF-8, or UTF-16 w"),
         (PLAIN.encode("utf-16-le"), "contains zero bytes; UTF-8, or UTF-16 with a byte-order"),
