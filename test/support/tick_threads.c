@@ -225,7 +225,7 @@ EXPORT void run_threads(int64_t count, int64_t period, done_t* found_out) {
       .joint_states = &state, .state_trail = kept_states, .effort_trail = kept_efforts, .ticks = kept_ticks, .rows = ROWS, .trip = &trip,
       .copy = &copy, .commands = 3};
   shared = &ticks;
-  due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .give_up = 1000 * GIGA, .lateness = &lateness};
+  due_t due = {.deadline = time_of(CLOCK_MONOTONIC), .period = period, .longest_lag = 1000 * GIGA, .lateness = &lateness};
   loop_t loop = {&ticks, &due};
   clocked = &due;
   pthread_t threads[4];

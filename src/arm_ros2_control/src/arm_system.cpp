@@ -61,7 +61,6 @@ ArmSystem::CallbackReturn ArmSystem::on_init(const hardware_interface::HardwareC
   const std::size_t n = arm_->joints().size();
   joints_.assign(n, Joint());
   for (auto& row : state_) row.assign(n, 0.0);
-  for (auto& row : reference_) row.assign(n, kNone);
   command_.assign(n, 0.0);
   return CallbackReturn::SUCCESS;
 }
@@ -131,8 +130,9 @@ void ArmSystem::find_interfaces() {
   }
 }
 
-/// Begin where the description says, else where the scene does.
+/// Begin where the description says, else where the scene does, without commands.
 void ArmSystem::begin() {
+  for (auto& row : reference_) row.assign(joints_.size(), kNone);
   int code = arm_->begin(nullptr, nullptr);
   arm_->state(state_[kPosition].data(), state_[kVelocity].data(), state_[kEffort].data());
   bool has_start = false;

@@ -95,7 +95,7 @@ class Sim:
         self._library, self.path, self.told = library, path, list[str]()
         self.node.inputs._warn = self.told.append
         self.lateness = Histogram()
-        self._due = Due(give_up=10**12, lateness=addressof(self.lateness))
+        self._due = Due(longest_lag=10**12, lateness=addressof(self.lateness))
         newest: Any = self.node.inputs.polled._subscription
         self._to = newest.pointer
         self.names = list(self.node.simulator.joint_names)

@@ -33,7 +33,7 @@ def run(loop: RealtimeLoop, ticks: int) -> None:
 def test_ticks_at_its_rate() -> None:
     ticks: list[tuple[int, int]] = []
     note = lambda: ticks.append((loop.current.value, time.monotonic_ns()))  # noqa: E731
-    loop = RealtimeLoop(each(note), 1e-3, give_up=60.0)
+    loop = RealtimeLoop(each(note), 1e-3, longest_lag=60.0)
     began = time.monotonic_ns()
     run(loop, 200)
     report, (due, at) = loop.report(), np.array(ticks).T
@@ -79,7 +79,7 @@ def late_once(
 
 
 def test_makes_up_for_a_long_tick_without_hurry() -> None:
-    loop, began = late_once(2, 50, 100, closest=0.5)
+    loop, began = late_once(2, 50, 100, spacing=0.5)
     on_time = [2.0 * k for k in range(100)]
     assert began == on_time[:10] + [max(68.0 + k, on_time[10 + k]) for k in range(90)]
     report = loop.report()
@@ -91,7 +91,7 @@ def test_makes_up_for_a_long_tick_without_hurry() -> None:
 
 def test_gives_up_deadlines_when_too_far_behind() -> None:
     """At most 50 ms behind: of 98 ms, 24 deadlines are dropped."""
-    loop, began = late_once(2, 100, 40, give_up=0.05, closest=0.2)
+    loop, began = late_once(2, 100, 40, longest_lag=0.05, spacing=0.2)
     assert loop.report().dropped == 24
     assert began[9:12] == pytest.approx([18.0, 118.0, 118.4])
     assert np.diff(began[10:]) == pytest.approx(np.full(29, 0.4))
@@ -218,7 +218,7 @@ class Clocked:
 def test_commands_age_in_part_while_ticks_are_made_up_for(ros: Ros) -> None:
     """Long behind, ticks of a second follow at once: they take next to no time."""
     clocked = Clocked(
-        ros, deadline=time.monotonic_ns() - 1000 * 10**9, period=10**9, give_up=10_000 * 10**9
+        ros, deadline=time.monotonic_ns() - 1000 * 10**9, period=10**9, longest_lag=10_000 * 10**9
     )
     engine = clocked.node.engine
     clocked.commands.append(command(name=NAMES, effort=[0.1, 0.1]))

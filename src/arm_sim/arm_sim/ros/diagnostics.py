@@ -25,8 +25,8 @@ class SimDiagnostics:
     def __init__(self, node: Any) -> None:
         self._node, self._growth, self.refused_privileges = node, Growth(), list[str]()
         period, trip = node.params.publish_every * node.simulator.dt, node.engine.round_trip
-        late = "commands were up to {:.2g} s old"
-        self._lateness = Lateness(node, trip.take_oldest, period, late)
+        text = "commands were up to {:.2g} s old"
+        self._lateness = Lateness(node, trip.take_oldest, period, text)
 
     def __call__(self) -> list[Finding]:
         """Inspect every part."""
@@ -45,7 +45,6 @@ class SimDiagnostics:
             "lateness p99 [s]": report.lateness.p99, "lateness max [s]": report.lateness.max,
             "realtime factor": params.realtime_factor, "overrun": params.overrun,
             "driven by": params.tick_source,
-            "messages": "in C", "ticks made": "in C",
         }  # fmt: skip
         self._growth.warn(finding, report.missed, "time step", "began after the next one was due")
         self._growth.warn(finding, report.dropped, "time step", "dropped")
@@ -75,8 +74,8 @@ class SimDiagnostics:
             finding.add(WARN, f"commands stopped: {in_force(policy)}")
         elif stopped:
             finding.add(WARN, "commands stopped, and have resumed")
-        late = "with an old command: the middleware has to catch up"
-        self._growth.warn(finding, slot.extended, "time step", late)
+        extended = "with an old command: the middleware has to catch up"
+        self._growth.warn(finding, slot.extended, "time step", extended)
         finding.add(WARN, self._lateness.message)
         self._growth.warn(finding, inputs.refused, "command", "ignored")
         self._growth.warn(finding, inputs.refused_wrenches, "wrench message", "ignored")

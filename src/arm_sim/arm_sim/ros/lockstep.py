@@ -75,11 +75,20 @@ class Lockstep:
         )
         if engine.paused:
             self.await_answer()
+        ticks = arm.step_count - before
+        self._yield_after(ticks)
+        if ticks != 0:
+            self._note_return()
+
+    def _yield_after(self, ticks: int) -> None:
+        """Give other callbacks their turn if more ticks than one were executed."""
         executor = self._node.executor
-        if not self._is_yielding and executor is not None and arm.step_count - before > 1:
+        if not self._is_yielding and executor is not None and ticks > 1:
             self._is_yielding = True
             executor.create_task(self._end_yield)
-        if self.is_partner_gone and arm.step_count != before:
+
+    def _note_return(self) -> None:
+        if self.is_partner_gone:
             self.is_partner_gone = False
             self._log.info("the partner answers again")
 

@@ -33,7 +33,7 @@ class Ticks(Structure):
         for name, function in functions.items():
             self._answers[TICKS.constants[name.upper()]] = function
 
-    def accept(self, kinds: Sequence[bool]) -> None:
+    def trust(self, kinds: Sequence[bool]) -> None:
         """Let C accept commands of some kinds of messages without Python."""
         self.trusted_kinds[:] = [*kinds, *[False] * (len(self.trusted_kinds) - len(kinds))]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commanded positions are clipped to the joints' stops; of speeds beyond limits, logs warn."""
+"""Clips commanded positions to the joints' stops, and warns of excessive commands."""
 
 import logging
 
@@ -11,9 +11,8 @@ from arm_dynamics.dynamics.plausibility import excessive_velocity
 from arm_sim.servo.command import JointCommand
 
 ROUNDING = 1e-9  # [rad] or [m] beyond a stop, of which no warning is due
-QUIET_TIME = (
-    1.0  # [s] without commands beyond a joint's limits, after which the next is logged again
-)
+# Time in [s] without commands beyond a joint's limits, after which the next is logged again
+QUIET_TIME = 1.0
 
 _log = logging.getLogger(__name__)
 
@@ -39,10 +38,7 @@ class PositionLimits:
 
     def clip(self, command: JointCommand, q: Array, step: int) -> JointCommand:
         """The command that acts, of one that comes after ``step`` ticks, at positions q, (n,)."""
-        if excess := excessive_velocity(self._model, command.velocity, 1.0):
-            if step - self._last_too_fast > self._quiet_ticks:
-                _log.warning("%s, beyond which its servo does not go", excess)
-            self._last_too_fast = step
+        self._warn_of_speed(command, step)
         position, (lower, upper) = command.position, self._model.stops.place
         if not ((position < lower) | (position > upper)).any():
             return command
@@ -56,3 +52,9 @@ class PositionLimits:
             )  # fmt: skip
         self._last_beyond[beyond] = step
         return JointCommand.of_rows(clipped, command.velocity, command.effort, command.stamp)
+
+    def _warn_of_speed(self, command: JointCommand, step: int) -> None:
+        if excess := excessive_velocity(self._model, command.velocity, 1.0):
+            if step - self._last_too_fast > self._quiet_ticks:
+                _log.warning("%s, beyond which its servo does not go", excess)
+            self._last_too_fast = step

@@ -78,7 +78,7 @@ class ControllerSelection:
         active_params: Those of the active controller.
         control: The active controller, and the transition to the next one.
         builder: Prepares controllers.
-        overreach: A warning of gains that the loop does not carry; empty if it does.
+        gain_warning: A warning of gains that the loop does not carry; empty if it does.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class ControllerSelection:
         self._node, self._dynamics, self._answers, self._log = node, dynamics, answers, log
         self._goals, self._lateness, self._velocity = goals, lateness, velocity
         self._restore_params: Callable[[ControllerParams], None] = lambda params: None
-        self.overreach = ""
+        self.gain_warning = ""
         self._controllers = _Controllers(params, dynamics, self._settings(params))
         self.params = self.active_params = params
         self.control = Switch(self._controller_of(params), params.settings.dt, params.switch_time)
@@ -153,13 +153,12 @@ class ControllerSelection:
         if self._log.failure:  # the arm has been braked: there is no torque to fade from
             self.control.restart()
             self._goals.drop("as the controller had failed")
-        gains = {name: getattr(before.settings, name) for name in _GAINS}
-        if replace(params, settings=replace(params.settings, **gains)) == before:
+        if _differs_only_in_gains(params, before):
             self.control.retune(control)
             return
         self.control.to(control)
         self._node.get_logger().info(f"controller {params.controller}")
-        if before.controller == _FREE != params.controller:
+        if before.controller == _FREE and params.controller != _FREE:
             self._goals.drop("as the arm was led by hand")
 
     def _finish_switch(self, activate: Callable[[], None], result: Callable[[], object]) -> None:
@@ -175,16 +174,25 @@ class ControllerSelection:
             activate()
 
     def _check_settings(self) -> None:
-        """Set and log ``overreach``, and warn of friction that the scene lacks."""
+        """Warn of friction that the scene lacks, and of gains that the loop does not carry."""
         settings = self._settings(self.params)
         if settings.friction and not self._dynamics.steady_friction.is_present:
             self._node.get_logger().warning("friction = true: the controller's scene has none")
+        self._update_gain_warning(settings)
+
+    def _update_gain_warning(self, settings: Settings) -> None:
+        """Set and log ``gain_warning``."""
         maker = self._controllers.maker(self.params.controller)
         delay = self._dynamics.model.scene.delay + max(settings.dt, self._lateness.longest)
         delay += 0.0 if self._velocity is None else self._velocity.delay
-        self.overreach = factory.overreach(maker, self._dynamics, settings, delay)
-        if self.overreach:
-            self._node.get_logger().warning(self.overreach)
+        self.gain_warning = factory.overreach(maker, self._dynamics, settings, delay)
+        if self.gain_warning:
+            self._node.get_logger().warning(self.gain_warning)
+
+
+def _differs_only_in_gains(params: ControllerParams, before: ControllerParams) -> bool:
+    gains = {name: getattr(before.settings, name) for name in _GAINS}
+    return replace(params, settings=replace(params.settings, **gains)) == before
 
 
 def _preparation(control: AnyController) -> Preparation | None:

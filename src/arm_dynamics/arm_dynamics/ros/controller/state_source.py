@@ -37,14 +37,18 @@ class StateSource:
         shared, now = self.shared, time.monotonic_ns()
         if shared.last_time and sender != bytes(shared.sender):
             shared.other[:], shared.other_time = sender, now
-            if shared.last_time >= self._since:
-                self._since, self._count = now, 0
-            self._count += 1
-            if self._count < MIN_STATES or now - self._since <= SILENCE:
+            if not self._succeeds(now):
                 return False
             shared.other_time = 0  # it is the followed one now
         shared.sender[:], shared.last_time = sender, now
         return True
+
+    def _succeeds(self, now: int) -> bool:
+        """Count a state of others; whether they have been heard alone for long enough."""
+        if self.shared.last_time >= self._since:
+            self._since, self._count = now, 0
+        self._count += 1
+        return self._count >= MIN_STATES and now - self._since > SILENCE
 
     def check_conflict(self) -> None:
         """Look whether both were heard within the last half second."""

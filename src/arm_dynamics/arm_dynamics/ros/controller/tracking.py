@@ -66,17 +66,20 @@ class TrackingTopic:
         shared = self._shared
         start, motion = goals.follower.newest
         shared.period, shared.start, shared.duration = round(1e9 * period), start, motion.duration
-        if self._raw and goals.outcome == self._outcome:
-            return
-        self._outcome = goals.outcome
-        message = TrackingState(joint_names=self._names, goal=self._outcome)
+        if not self._raw or goals.outcome != self._outcome:
+            self._outcome = goals.outcome
+            self._serialize(self._outcome)
+
+    def _serialize(self, outcome: str) -> None:
+        """Pass C a message with the ``outcome`` of a goal, serialized."""
+        shared, message = self._shared, TrackingState(joint_names=self._names, goal=outcome)
         for name in _FIELDS:
             setattr(message, name, to_array(np.zeros(len(self._names))))
         raw = as_bytes(message)
         cdr = CdrReader(raw)
-        cdr.nanoseconds()
-        cdr.text()
-        cdr.texts()
+        cdr.nanoseconds()  # header.stamp
+        cdr.text()  # header.frame_id
+        cdr.texts()  # joint_names
         for k in range(_ARRAYS):
             size = 8 * cdr.count()
             shared.at[k] = cdr.skip(size, 8)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The action FollowJointTrajectory: accepts goals, monitors their execution and reports results.
 
-It runs between two answers to joint states and never waits, since rclpy would poll a waiting
-coroutine.
+It runs between two answers to joint states. The response to a goal waits for its plan, in a
+coroutine that rclpy polls; nothing else waits.
 """
 
 import asyncio
@@ -228,7 +228,7 @@ class TrajectoryAction:
                 f"{1e-9 * self._goals.stamp:.3f} s; allowed: stamps of the same clock"
             )
 
-        def then(motion: Motion | None) -> None:
+        def on_planned(motion: Motion | None) -> None:
             if motion is not None:
                 self.abort(_PREEMPTION)
                 follower = self._goals.follower
@@ -240,7 +240,8 @@ class TrajectoryAction:
         plan = partial(self._plan, message, params)
         about = counted(message.count, "point")
         at_once = message.count <= MOST_POINTS_AT_ONCE
-        self._goals.follow(Goal(_KIND, about, message.stamp or None, plan, then), at_once=at_once)
+        stamp = message.stamp or None
+        self._goals.follow(Goal(_KIND, about, stamp, plan, on_planned), at_once=at_once)
 
     def _plan(self, message: TrajectoryMessage, params: FollowParams, outset: Outset) -> Motion:
         """Plan a goal, perhaps in the planner's thread."""

@@ -285,7 +285,7 @@ class ControllerNode(Node):
             name, saturated = self._selection.active_params.controller, self._saturated_joints()
             finding = self._log.finding(name, saturated, self.goals.refused, goals, answers)
             finding.add(WARN, self._lateness.message)
-            finding.add(WARN, self._selection.overreach)
+            finding.add(WARN, self._selection.gain_warning)
             finding.add(ERROR, self._source.alarm.message)
             return [finding]
 

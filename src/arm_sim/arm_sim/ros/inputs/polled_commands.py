@@ -69,7 +69,7 @@ class PolledCommands:
             source, joints = leader
             if len(joints) == engine.simulator.n:
                 kinds = self._reader.complete_kinds(source)
-        engine.ticks.accept(kinds)
+        engine.ticks.trust(kinds)
 
     def _read(self) -> bool:
         """Process the message that C has taken and leaves to Python.

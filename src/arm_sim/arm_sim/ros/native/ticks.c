@@ -45,16 +45,15 @@ void stream_count(stream_t* s, double now, int64_t patience) {
 
 /* --- commands -------------------------------------------------------------------------------------------------------- */
 
-/* Whether there is space in the recording for so many bytes, now. */
-static int has_space(ticks_t* t, int64_t size) {
-  t->log_time = time_of(CLOCK_REALTIME);
-  return t->chunk && chunk_has_room(t->chunk, t->log_time, size);
-}
+/* Whether there is space in the recording for so many bytes at `log_time`. */
+static int has_space(const ticks_t* t, int64_t size) { return t->chunk && chunk_has_room(t->chunk, t->log_time, size); }
 
 /* Whether the command that was read last need not be seen by Python, which has admitted its source. */
 static int is_admitted(ticks_t* t, int64_t outcome) {
   if (outcome != KNOWN || !t->trusted_kinds[t->reader->kind]) return 0;
-  return !t->copy || (t->reader->length <= ROOMY && has_space(t, ROOMY + HEADER));
+  if (!t->copy) return 1;
+  t->log_time = time_of(CLOCK_REALTIME);
+  return t->reader->length <= ROOMY && has_space(t, ROOMY + HEADER);
 }
 
 /* Accept the command that was read last; returns whether it answers the newest state. */
@@ -139,7 +138,7 @@ void ticks_publish_state(ticks_t* t) {
 static void record_tick(ticks_t* t, int publishes) {
   const int64_t size = publishes ? t->joint_states->size : 0;
   t->needed_space = size + t->copy->size + 2 * HEADER;
-  while (!has_space(t, t->needed_space))
+  for (t->log_time = time_of(CLOCK_REALTIME); !has_space(t, t->needed_space); t->log_time = time_of(CLOCK_REALTIME))
     if (!ask(t, SPACE)) return;
   chunk_record(t->chunk, t->copy, t->log_time, simulated_time(t), t->hold, size ? t->joint_states->raw : NULL, size,
                t->state_stamp);

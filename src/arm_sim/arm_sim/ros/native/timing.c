@@ -107,11 +107,11 @@ void due_begin_tick(due_t* d, int64_t now) {
   d->share = late > d->period ? fmin(1.0, (double)(now - d->began) / d->period) : 1.0;
   d->current = d->period ? d->deadline : 0;
   d->began = now;
-  d->earliest = now + d->closest;
+  d->earliest = now + d->spacing;
   d->deadline += d->period;
-  if (late <= d->give_up) return;
+  if (late <= d->longest_lag) return;
   /* Shift all deadlines by the lag; or drop as few as leave no more of it than allowed, so that this is rounded up. */
-  const int64_t dropped = (d->slow_down ? late : late - d->give_up + d->period - 1) / d->period;
+  const int64_t dropped = (d->slow_down ? late : late - d->longest_lag + d->period - 1) / d->period;
   store(&d->dropped, d->dropped + dropped);
   d->deadline += d->slow_down ? late : dropped * d->period;
 }

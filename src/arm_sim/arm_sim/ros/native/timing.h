@@ -74,8 +74,8 @@ typedef struct {
   int64_t deadline;  /* of the next tick */
   int64_t earliest;  /* start of the next tick */
   int64_t period;    /* time between deadlines; 0: there are none */
-  int64_t closest;   /* shortest time between ticks */
-  int64_t give_up;   /* lag beyond which deadlines are dropped, skipped or shifted */
+  int64_t spacing;   /* shortest time between ticks */
+  int64_t longest_lag; /* lag beyond which deadlines are dropped, skipped or shifted */
   int64_t slow_down; /* whether they are shifted */
   int64_t missed;    /* ticks that began after the next one was due */
   int64_t dropped;   /* deadlines that were dropped, skipped or shifted */

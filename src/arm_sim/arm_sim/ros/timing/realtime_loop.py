@@ -47,9 +47,9 @@ class RealtimeLoop:
 
     ``overrun`` declares what follows a tick that begins after the next deadline:
 
-    * ``catch_up``: the following ticks are faster, but at least ``closest`` of a period apart, so
-      that partners can answer each of them. The loop is never more than ``give_up`` behind: older
-      deadlines are dropped, and counted.
+    * ``catch_up``: the following ticks are faster, but at least ``spacing`` of a period apart, so
+      that partners can answer each of them. The loop is never more than ``longest_lag`` behind:
+      older deadlines are dropped, and counted.
     * ``skip``: deadlines that have passed are skipped; ticks stay on the grid of the clock.
     * ``slow_down``: the grid is shifted; the next tick begins a period after the late one.
 
@@ -60,8 +60,8 @@ class RealtimeLoop:
             until ``Due.ended``, or returns after one of them; it must not raise.
         period: Time between deadlines in [s]; 0: none.
         overrun: ``catch_up``, ``skip`` or ``slow_down``.
-        closest: Shortest time between ticks while catching up, as a fraction of the period.
-        give_up: Lag in [s] beyond which deadlines are dropped while catching up.
+        spacing: Shortest time between ticks while catching up, as a fraction of the period.
+        longest_lag: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
         clock: Clock of the deadlines; the module ``time`` or an equivalent.
 
@@ -72,16 +72,16 @@ class RealtimeLoop:
 
     def __init__(
         self, run: Callable[[Any], None], period: float, *, overrun: str = CATCH_UP,
-        closest: float = 0.1, give_up: float = 1.0, prepare: Callable[[], None] = lambda: None,
+        spacing: float = 0.1, longest_lag: float = 1.0, prepare: Callable[[], None] = lambda: None,
         clock: Any = time,
     ) -> None:  # fmt: skip
         self._execute, self._prepare, self._clock = run, prepare, clock
         period_ns = round(1e9 * period)
-        spacing_ns = round(1e9 * period * closest) if overrun == CATCH_UP else 0
+        spacing_ns = round(1e9 * period * spacing) if overrun == CATCH_UP else 0
         # Without catching up, a tick that begins after the next deadline is late beyond recovery.
-        longest_lag_ns = round(1e9 * give_up) if overrun == CATCH_UP else period_ns
+        longest_lag_ns = round(1e9 * longest_lag) if overrun == CATCH_UP else period_ns
         self._due = Due(
-            period=period_ns, closest=spacing_ns, give_up=longest_lag_ns,
+            period=period_ns, spacing=spacing_ns, longest_lag=longest_lag_ns,
             slow_down=overrun == SLOW_DOWN, share=1.0,
         )  # fmt: skip
         self.current = c_int64.from_buffer(self._due, Due.current.offset)

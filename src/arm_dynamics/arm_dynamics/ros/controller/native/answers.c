@@ -16,8 +16,8 @@
 #include <string.h>
 #include <time.h>
 
-#define FASTER 2.0 /* largest ratio of the speed of a displacement to the speeds before and after it */
-#define LATELY (GIGA / 2) /* silence in [ns] after which Python decides whom to follow */
+#define SPEED_RATIO 2.0 /* largest ratio of the speed of a displacement to the speeds before and after it */
+#define SHORT_SILENCE (GIGA / 2) /* silence in [ns] after which Python decides whom to follow */
 #define FULL_TURN 6.283185307179586 /* 2 π */
 
 struct receiver {
@@ -25,7 +25,7 @@ struct receiver {
   sem_t calls;          /* posted for every state left to `receiver_serve`, and at the end */
   atomic_bool ended;
   answers_t* at_once; /* answers of states on the thread that brings them; NULL: `receiver_serve` answers all */
-  int64_t left;       /* outcome for a state that was taken on that thread and is left to Python; NONE: none */
+  int64_t pending_outcome; /* outcome for a state that was taken on that thread and is left to Python; NONE: none */
   const rcl_subscription_t* subscription;
 };
 
@@ -50,7 +50,7 @@ int64_t find_jump(const state_t* b, int64_t n, int64_t stamp, const double* q, c
   if (passed < 0.0) return BACKWARDS;
   if (gap > 0.0 && passed > gap) return PAUSED;
   for (int64_t i = 0; far > 0.0 && i < n; ++i)
-    if (fabs(q[i] - b->q[i]) > far + FASTER * passed * fmax(fabs(b->v[i]), fabs(v[i]))) return MOVED + i;
+    if (fabs(q[i] - b->q[i]) > far + SPEED_RATIO * passed * fmax(fabs(b->v[i]), fabs(v[i]))) return MOVED + i;
   return STEADY;
 }
 
@@ -159,7 +159,7 @@ void receiver_unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 static int is_of_another(publishers_t* f, const uint8_t* sender, int64_t now) {
   const int is_same = !memcmp(f->sender, sender, GID);
   if (is_same) f->last_time = now;
-  if (is_same || now - f->last_time >= LATELY) return 0;
+  if (is_same || now - f->last_time >= SHORT_SILENCE) return 0;
   f->other_time = now;
   memcpy(f->other, sender, GID);
   return 1;
@@ -178,8 +178,8 @@ int64_t receiver_serve(receiver_t* r, answers_t* a, int64_t direct) {
     while (sem_wait(&r->calls)) continue; /* interrupted by a signal */
     receiver_lock(r);
     if (r->ended) return ENDED;
-    int64_t outcome = r->left;
-    r->left = NONE;
+    int64_t outcome = r->pending_outcome;
+    r->pending_outcome = NONE;
     if (outcome == NONE) outcome = take_and_answer(a);
     if (outcome != NONE) return outcome;
   }
@@ -188,9 +188,9 @@ int64_t receiver_serve(receiver_t* r, answers_t* a, int64_t direct) {
 /* Answer a new state unless someone else uses the parts; 0: it is left to `receiver_serve`. */
 static int answer_at_once(receiver_t* r) {
   if (pthread_mutex_trylock(&r->lock)) return 0;
-  const int is_ready = r->at_once && !r->ended && r->left == NONE;
-  if (is_ready) r->left = take_and_answer(r->at_once);
-  const int is_answered = is_ready && r->left == NONE;
+  const int is_ready = r->at_once && !r->ended && r->pending_outcome == NONE;
+  if (is_ready) r->pending_outcome = take_and_answer(r->at_once);
+  const int is_answered = is_ready && r->pending_outcome == NONE;
   receiver_unlock(r);
   return is_answered;
 }
