@@ -10,12 +10,12 @@ from arm_dynamics import ArmModel, ModelError, load_scene
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.task_space.axes import AXES
-from arm_dynamics.task_space.instant import TaskInstant, expressions
+from arm_dynamics.task_space.instant import TaskInstant, frame_functions
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 SOME = [AXES, ("x", "z", "ry"), ("rz",)]
 EACH = sampled(models.ROBOTS, 3)
-built = one_at_a_time(expressions)
+built = one_at_a_time(frame_functions)
 
 
 def last_frame(model: ArmModel) -> str:

@@ -23,7 +23,7 @@ from arm_dynamics.equations.elementary import root
 from arm_dynamics.equations.frame import rotation_vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.inertia import axis_masses
-from arm_dynamics.task_space.instant import TaskInstant, expressions
+from arm_dynamics.task_space.instant import TaskInstant, frame_functions
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
 
@@ -206,7 +206,7 @@ class AlongJoints:
         """Torques as an expression, not numbers near singularities; see ``law.Law``."""
         task, control = self._task, cast(Any, self._control)
         *gains_of_task, force = tuning
-        state, motion = expressions(task.model, task.frame, task.axes)
+        state, motion = frame_functions(task.model, task.frame, task.axes)
         position, rotation, velocity, acceleration = motion(desired.q, desired.v, desired.a)
         reference = TaskReference(position, rotation, velocity, acceleration, force, desired.q)
         *parts, bound = state(q, v)

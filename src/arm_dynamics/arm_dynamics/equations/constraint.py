@@ -51,13 +51,13 @@ class Rows:
     """Constraint equations of a scene; those with a position residual come first.
 
     Attributes:
-        every: φ of all constraints in [m] and [rad], to check whether they are satisfied.
+        all_residuals: φ of all constraints in [m] and [rad], to check whether they are satisfied.
         residual: φ of the first h independent rows, shape (h,); the others are nonholonomic.
         jacobian: A, shape (m, n).
         drift: γ = Ȧ v, shape (m,).
     """
 
-    every: ca.SX
+    all_residuals: ca.SX
     residual: ca.SX
     jacobian: ca.SX
     drift: ca.SX
@@ -80,21 +80,21 @@ def rows(
         The independent rows in the order of the scene, rolling constraints last.
     """
     kinematics = Kinematics(linkage, tree, q, v)
-    every, holonomic, rolling = list[ca.SX](), list[ca.SX](), list[ca.SX]()
+    all_residuals, holonomic, rolling = list[ca.SX](), list[ca.SX](), list[ca.SX]()
     for i, constraint in linkage.constraints.items():
         kept = list(linkage.kept[i])
         if isinstance(constraint, kinds.RollingConstraint):
             rolling.append(active(i) * _slip(constraint, kinematics)[kept])
         else:
-            whole = active(i) * _residual(constraint, kinematics)
-            every.append(whole)
-            holonomic.append(whole[kept])
+            phi = active(i) * _residual(constraint, kinematics)
+            all_residuals.append(phi)
+            holonomic.append(phi[kept])
     residual = ca.sparsify(ca.vertcat(ca.SX(0, 1), *holonomic))
     slip = ca.vertcat(ca.SX(0, 1), *rolling)
     speed = ca.vertcat(ca.jtimes(residual, q, v), slip)
     J = ca.vertcat(ca.jacobian(residual, q), ca.jacobian(slip, v))
-    whole = ca.vertcat(ca.SX(0, 1), *every)
-    return Rows(whole, residual, ca.sparsify(J), ca.jtimes(speed, q, v))
+    every = ca.vertcat(ca.SX(0, 1), *all_residuals)
+    return Rows(every, residual, ca.sparsify(J), ca.jtimes(speed, q, v))
 
 
 class Kinematics:

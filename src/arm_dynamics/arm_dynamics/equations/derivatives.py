@@ -60,6 +60,9 @@ class _Wrench:
         return ca.dot(self.f, change.c) + ca.dot(self.n, change.beta)
 
 
+type _Terms = tuple[_Change, _Wrench, _Wrench]  # see ``_joint_terms``
+
+
 @dataclass
 class _Frame:
     """Placement of a frame in another one.
@@ -93,17 +96,21 @@ class _Frame:
         c = self.R @ x.c - cross(beta, self.p) - cross(omega, self.d)
         return _Change(ca.sparsify(c), beta, omega)
 
+    def terms(self, row: _Change, by_position: _Wrench, by_speed: _Wrench) -> _Terms:
+        """Those of ``_joint_terms``, from this frame to the other one."""
+        return self.row(row), self.wrench(by_position), self.wrench(by_speed)
+
 
 @dataclass
 class _Joint:
     """Changes of a link's motion by the position, speed and acceleration of its joint."""
 
-    place: _Change
-    speed: _Change
-    push: _Change
+    by_position: _Change
+    by_speed: _Change
+    by_acceleration: _Change
 
     def placed_in(self, frame: _Frame) -> _Joint:
-        return _Joint(frame.change(self.place), frame.change(self.speed), frame.change(self.push))
+        return _Joint(*map(frame.change, (self.by_position, self.by_speed, self.by_acceleration)))
 
 
 @dataclass
@@ -163,26 +170,21 @@ def inverse_derivatives(
     E, links = spread_map(tree), tree.links
     frames, joints, bodies = _outward(tree, q, E @ v, E @ a, gravity)
     in_links = len(links) <= IN_LINKS_AT_MOST
-    worlds, changes = list[_Frame](), joints
-    if not in_links:
-        for link, frame in zip(links, frames, strict=True):
-            worlds.append(worlds[link.parent].of(frame) if link.parent >= 0 else frame)
-        changes = [joint.placed_in(world) for joint, world in zip(joints, worlds, strict=True)]
+    worlds, changes = (frames, joints) if in_links else _in_world(tree, frames, joints)
     by_q, by_v, M = (ca.SX(len(links), len(links)) for _ in range(3))
     for i in reversed(range(len(links))):
-        row, place, speed = _joint_terms(bodies[i], joints[i], links[i])
+        row, by_position, by_speed = _joint_terms(bodies[i], joints[i], links[i])
         if not in_links:
-            world = worlds[i]
-            row, place, speed = world.row(row), world.wrench(place), world.wrench(speed)
+            row, by_position, by_speed = worlds[i].terms(row, by_position, by_speed)
         j = i
         while j >= 0:
-            by_q[i, j], by_v[i, j] = row.dot(changes[j].place), row.dot(changes[j].speed)
-            M[i, j] = M[j, i] = row.dot(changes[j].push)
+            by_q[i, j], by_v[i, j] = row.dot(changes[j].by_position), row.dot(changes[j].by_speed)
+            axis = changes[j].by_acceleration
+            M[i, j] = M[j, i] = row.dot(axis)
             if j != i:
-                by_q[j, i], by_v[j, i] = place.dot(changes[j].push), speed.dot(changes[j].push)
+                by_q[j, i], by_v[j, i] = by_position.dot(axis), by_speed.dot(axis)
             if in_links:
-                step = frames[j]
-                row, place, speed = step.row(row), step.wrench(place), step.wrench(speed)
+                row, by_position, by_speed = frames[j].terms(row, by_position, by_speed)
             j = links[j].parent
         M[i, i] += float(tree.armature[i])
         if links[i].parent >= 0:
@@ -208,14 +210,24 @@ def _outward(
     return frames, joints, bodies
 
 
+def _in_world(
+    tree: Tree, frames: list[_Frame], joints: list[_Joint]
+) -> tuple[list[_Frame], list[_Joint]]:
+    """Frames and joints in the world's axes, about its origin."""
+    worlds = list[_Frame]()
+    for link, frame in zip(tree.links, frames, strict=True):
+        worlds.append(worlds[link.parent].of(frame) if link.parent >= 0 else frame)
+    return worlds, [joint.placed_in(world) for joint, world in zip(joints, worlds, strict=True)]
+
+
 def _joint(link: Link, omega: ca.SX, alpha: ca.SX, c: ca.SX) -> _Joint:
     z, none = ca.sparsify(ca.SX([0, 0, 1])), ca.SX(3, 1)
     turn = cross(omega, z)
     bend = ca.sparsify(cross(alpha, z) + cross(omega, turn))
     if link.prismatic:
         return _Joint(*(_Change(c, none, none) for c in (bend, 2 * turn, z)))
-    place, speed = _Change(cross(c, z), bend, turn), _Change(none, 2 * turn, z)
-    return _Joint(place, speed, _Change(none, z, none))
+    by_position, by_speed = _Change(cross(c, z), bend, turn), _Change(none, 2 * turn, z)
+    return _Joint(by_position, by_speed, _Change(none, z, none))
 
 
 def _body(link: Link, omega: ca.SX, alpha: ca.SX, c: ca.SX) -> _Composite:
@@ -227,12 +239,12 @@ def _body(link: Link, omega: ca.SX, alpha: ca.SX, c: ca.SX) -> _Composite:
     return _Composite(link.m, link.h, link.I, P, Q, _Wrench(ca.sparsify(f), ca.sparsify(n)))
 
 
-def _joint_terms(body: _Composite, joint: _Joint, link: Link) -> tuple[_Change, _Wrench, _Wrench]:
+def _joint_terms(body: _Composite, joint: _Joint, link: Link) -> _Terms:
     """The row of a joint's torque, and the changes of its wrench by its position and speed."""
-    place, z = body.response(joint.place), ca.sparsify(ca.SX([0, 0, 1]))
+    change, z = body.response(joint.by_position), ca.sparsify(ca.SX([0, 0, 1]))
     turned = cross(z, body.wrench.f)
     if link.prismatic:
-        place.n = ca.sparsify(place.n + turned)
+        change.n = ca.sparsify(change.n + turned)
     else:
-        place.f, place.n = place.f + turned, ca.sparsify(place.n + cross(z, body.wrench.n))
-    return body.row(joint.push), place, body.response(joint.speed)
+        change.f, change.n = change.f + turned, ca.sparsify(change.n + cross(z, body.wrench.n))
+    return body.row(joint.by_acceleration), change, body.response(joint.by_speed)

@@ -42,7 +42,7 @@ class TaskInstant(NamedTuple):
     inertia: Any
 
 
-def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Function]:
+def frame_functions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Function]:
     """The functions of a frame: ``state`` of q and v, ``motion`` of q, v and a.
 
     Results of the first are those of ``TaskInstant`` and an upper bound of 1/σ of
@@ -51,23 +51,26 @@ def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Fu
     """
     tree, frame = tree_of(model), frame_of(model, name)
     q, v, a = (ca.SX.sym(letter, model.n) for letter in "qva")
-    placed = placement(tree, frame, q)
+    position, rotation = placement(tree, frame, q)
     J = jacobian(tree, frame, q)
-    moving = drift(J, q, v)
+    Jdot_v = drift(J, q, v)
     rows = rows_of(axes)
     gravity = gravity_of(model)
     bias = spring.frictionless(model.springs, tree, q, v, ca.SX(model.n, 1), gravity)
-    M, part = rigid_body.mass_matrix(tree, q), J[rows, :]
-    B = ltdl.solve_columns(M, part.T)
-    A = part @ B
+    M, J_task = rigid_body.mass_matrix(tree, q), J[rows, :]
+    B = ltdl.solve_columns(M, J_task.T)
+    A = J_task @ B
     inertia = ltdl.solve_columns(A, ca.SX.eye(len(axes)))
     scale = _scales(A, sum(axis in AXES[:3] for axis in axes))
     # The trace of the scaled Λ, whose eigenvalues are all positive if it is an inertia.
-    mass = ca.diag(inertia)
-    is_inertia = ca.logic_and(ca.mmin(mass) > 0, ca.mmax(mass) < np.inf)
-    bound = ca.if_else(is_inertia, ca.sum1(scale**2 * mass), np.inf)
-    state = [*placed, part, part @ v, moving[rows], M, bias, B, A, inertia, bound]
-    motion = [*placed, J @ v, J @ a + moving]
+    diagonal = ca.diag(inertia)
+    is_inertia = ca.logic_and(ca.mmin(diagonal) > 0, ca.mmax(diagonal) < np.inf)
+    bound = ca.if_else(is_inertia, ca.sum1(scale**2 * diagonal), np.inf)
+    instant = TaskInstant(
+        position=position, rotation=rotation, J=J_task, velocity=J_task @ v, drift=Jdot_v[rows],
+        M=M, bias=bias, B=B, A=A, inertia=inertia,
+    )  # fmt: skip
+    state, motion = [*instant, bound], [position, rotation, J @ v, J @ a + Jdot_v]
     return [
         ca.Function("state", [q, v], [ca.densify(x) for x in state], {"cse": True}),
         ca.Function("motion", [q, v, a], [ca.densify(x) for x in motion], {"cse": True}),

@@ -122,7 +122,7 @@ def _always(simulator: Simulator) -> Parts:
     from arm_dynamics.control import make_controller, preparation
 
     compiled = simulator.arm.compiled
-    if compiled.energy_account.may_repeat:
+    if compiled.energy_account.may_need_repeats:
         yield "energy account", compiled.energy_account.prepare
     yield "check by a second run", lambda: compiled.repeater.stepper
     control = make_controller("computed_torque", _controlled(simulator))

@@ -110,7 +110,7 @@ class Bilateral(Response):
         A = ca.substitute(rows.jacobian, s.q, q)
         velocity_projector = Projector(metric, ca.sparsify(A @ self._sliding), SINGULAR)
         v = s.v + metric.motion(velocity_projector.nearest(zero, -(A @ s.v)))
-        every = ca.substitute(rows.every, s.q, q)
+        every = ca.substitute(rows.all_residuals, s.q, q)
         gap_excess = _largest(every) - POSITION_TOLERANCE
         excess = ca.fmax(gap_excess, _largest(A @ v) - VELOCITY_TOLERANCE)
         refusal = self._refusal(excess, q, v, before)

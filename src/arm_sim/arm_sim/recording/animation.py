@@ -15,7 +15,10 @@ from arm_sim.progress import Progress
 from arm_sim.recording.motion import RecordedMotion
 from arm_sim.recording.stick_figure import Points, StickFigure
 
-_TOLERANCE = 1e-6  # relative to the motion in another direction: less is none
+_STILL = 1e-6  # relative to the motion in another direction: less is none
+_ROUNDING = 1e-9  # [s], by which recorded times may be beside those that are drawn
+# [Hz]; the writer cuts 1/fps down to whole milliseconds, and rounding must not cost one
+_FPS_MARGIN = 1e-6
 _BASE = {"color": "0.4", "marker": "^", "markersize": 9.0, "markevery": (1, 3), "label": "base"}
 _RAIL = {"color": "0.6", "linewidth": 1.2, "marker": "s", "markersize": 8.0, "markevery": (1, 4),
          "markerfacecolor": COLORS[0], "label": "rail"}  # fmt: skip
@@ -31,8 +34,8 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
     if not (rate > 0.0 and speed > 0.0):
         raise InvalidInput(f"rate = {rate}, speed = {speed}; allowed: more than 0")
     pace = max(round(100.0 / rate), 1) / 100.0  # [s], a GIF counts hundredths of a second
-    due = np.arange(recording.time[0], recording.time[-1] + 1e-9, speed * pace)
-    rows = np.searchsorted(recording.time, due - 1e-9)
+    due = np.arange(recording.time[0], recording.time[-1] + _ROUNDING, speed * pace)
+    rows = np.searchsorted(recording.time, due - _ROUNDING)
     time, states = recording.time[rows], recording.q[rows]
     figure = StickFigure(recording.dynamics.model, recording.q)
     lines: list[tuple[Points, dict[str, Any]]] = [
@@ -48,13 +51,18 @@ def animate(recording: RecordedMotion, path: Path | None, rate: float, speed: fl
         axes="".join("xyz"[i] for i in axes),
     )  # fmt: skip
     if path is not None:
-        warn_if_replaced(path)
-        with writing(path), Progress(time[-1] - time[0], "drawn") as progress:
-            film.save(
-                path, writer=PillowWriter(fps=1.0 / pace - 1e-6),
-                progress_callback=lambda i, _: progress.update(time[i] - time[0]),
-            )  # fmt: skip
+        _write(film, path, time, pace)
     return film
+
+
+def _write(film: Any, path: Path, time: Array, pace: float) -> None:
+    """Write a film of pictures at times in [s], each shown for ``pace``."""
+    warn_if_replaced(path)
+    with writing(path), Progress(time[-1] - time[0], "drawn") as progress:
+        film.save(
+            path, writer=PillowWriter(fps=1.0 / pace - _FPS_MARGIN),
+            progress_callback=lambda i, _: progress.update(time[i] - time[0]),
+        )  # fmt: skip
 
 
 def _axes(points: Array) -> list[int]:
@@ -65,5 +73,5 @@ def _axes(points: Array) -> list[int]:
     """
     moved = np.nanmax(np.ptp(points, axis=0), axis=0)
     extent = np.ptp(points[~np.isnan(points).any(axis=2)], axis=0)
-    still = [i for i in np.argsort(extent, kind="stable") if moved[i] <= _TOLERANCE * max(moved)]
+    still = [i for i in np.argsort(extent, kind="stable") if moved[i] <= _STILL * max(moved)]
     return [i for i in range(3) if i not in still[:1]]

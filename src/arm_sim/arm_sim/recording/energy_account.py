@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The energy account of a motion: stored energy, supplied work and dissipated heat.
 
-If a motion is smooth and the command is the torque, both follow from the recorded states, to
-fourth order. With error control that is not accurate enough. With internal states, a current rises
-and bristles deflect within a tick, and with events friction and stop forces jump within one: a
-quadrature over the recorded states would miss that. Then every tick is repeated from its recorded
-start, by the same method, with work and heat as additional states, which are integrated as
-accurately as the motion itself. All of this is computed on demand.
+If a motion is smooth and the command is the torque, work and heat follow from the recorded states,
+to fourth order. With error control that is not accurate enough. With internal states, a current
+rises and bristles deflect within a tick, and with events friction and stop forces jump within one:
+a quadrature over the recorded states would miss that. Then every tick is repeated from its
+recorded start, by the same method, with work and heat as additional states, which are integrated
+as accurately as the motion itself. All of this is computed on demand.
 """
 
 import casadi as ca
@@ -52,7 +52,7 @@ class EnergyAccount:
         self.choice, self._backend = choice, backend
 
     @property
-    def may_repeat(self) -> bool:
+    def may_need_repeats(self) -> bool:
         """Whether some motion of the scene needs repeated ticks."""
         return self._repeats_always or self._plant.eventful
 
@@ -62,8 +62,8 @@ class EnergyAccount:
 
     def prepare(self) -> None:
         """Build in advance what the first ``flows`` needs."""
-        if self.may_repeat:
-            self._ledger.restart()
+        if self.may_need_repeats:
+            self._flow_stepper.restart()
 
     def repeats(self, x: Array) -> bool:
         """Whether ``flows`` costs as much as the ticks themselves for states of shape (k+1, nx).
@@ -79,7 +79,7 @@ class EnergyAccount:
         q, v, _ = self._split(x)
         # A rebound is visible in the velocity after it, even if no recorded position is at the
         # stop.
-        near = [q, *(q + way * self.choice.dt * v for way in (-MARGIN, MARGIN))]
+        near = [q, *(q + sign * self.choice.dt * v for sign in (-MARGIN, MARGIN))]
         touched = self._plant.model.stops.touched
         return np.any([touched(place).any(axis=1) for place in near], axis=0)
 
@@ -124,7 +124,7 @@ class EnergyAccount:
         repeat = self._to_repeat(x) | self._to_repeat(after)
         smooth, flows = ~repeat, np.empty((len(u), 2))
         if repeat.any():
-            energies = self._repeated(x[repeat], u[repeat], p[repeat]).T
+            energies = self._integrated_flows(x[repeat], u[repeat], p[repeat]).T
             supplied, lost, friction, external, contacts, impacts = energies
             heat = lost + friction + contacts + impacts
             flows[repeat] = np.stack([supplied + external, heat], axis=1)
@@ -136,8 +136,9 @@ class EnergyAccount:
         """See ``flows``, of smooth ticks."""
         pushed = self._plant.parameters.place(EXTERNAL)
         acting = u if pushed is None else u + p[:, pushed]
-        way = self._split(after)[0] - self._split(x)[0]
-        work = np.sum(acting * way, axis=1)  # exact: the command is constant over its tick
+        displacement = self._split(after)[0] - self._split(x)[0]
+        # Exact: the command is constant over its tick
+        work = np.sum(acting * displacement, axis=1)
         dt = self.choice.dt
         heat = [
             dissipated_work(self._dynamics(p[run.start]), dt, (x[run], after[run]), u[run])
@@ -150,7 +151,7 @@ class EnergyAccount:
 
         In [J], shape (k, 2); arguments as those of ``flows``.
         """
-        *_, contacts, impacts = self._repeated(x, u, p).T
+        *_, contacts, impacts = self._integrated_flows(x, u, p).T
         return np.column_stack([impacts, contacts])
 
     def turnover(self, x: Array, after: Array, p: Array) -> float:
@@ -170,13 +171,13 @@ class EnergyAccount:
         n = self._plant.model.n
         return np.split(x, (n, 2 * n), axis=1)
 
-    def _repeated(self, x: Array, u: Array, p: Array) -> Array:
+    def _integrated_flows(self, x: Array, u: Array, p: Array) -> Array:
         """Energies that flow in each tick in [J], shape (k, 6).
 
         Those of ``FLOWS``, in their order, and after them the energy lost in impacts.
         """
         begin = np.hstack([x, np.zeros((len(x), len(FLOWS)))])
-        after, lost = self._ledger.advance_each(begin, u, p, ticks=1)
+        after, lost = self._flow_stepper.advance_each(begin, u, p, ticks=1)
         return np.column_stack([after[:, x.shape[1] :], lost])
 
     @built_once
@@ -186,7 +187,7 @@ class EnergyAccount:
         return ca.Function("stored", [x], [flow.stored])
 
     @built_once
-    def _ledger(self) -> Stepper:
+    def _flow_stepper(self) -> Stepper:
         return Stepper(self._plant.variant(energies=True), self.choice, self._backend, acted=True)
 
 

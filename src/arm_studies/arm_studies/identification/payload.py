@@ -163,8 +163,8 @@ class _Fit:
         rows, regressor = self.rows, self.rows.samples.regressor
         theta, body = regressor.nominal + regressor.payload, self.to_carrier @ self.x
         theta[self.places] += body
-        plain = rows.plain
-        predicted = nominal_efforts(plain) + plain.rigid[:, :, self.places] @ body
+        unwhitened = rows.unwhitened
+        predicted = nominal_efforts(unwhitened) + unwhitened.rigid[:, :, self.places] @ body
         noise = self.weights.max(axis=0) * rows.noise(theta, regressor.model.armature)
         own, ageing = columns * self.weights.T[:, :, None], self.weights * rows.ageing(predicted)
         size = float(np.linalg.norm(self.weights * self.torque))
@@ -173,7 +173,7 @@ class _Fit:
 
 def _fitted(places: slice, to_carrier: Array, rows: Rows) -> _Fit:
     """Weight the joints, and fit the payload."""
-    torque = rows.effort - rows.clear(nominal_efforts(rows.plain))
+    torque = rows.effort - rows.whiten(nominal_efforts(rows.unwhitened))
     columns = np.swapaxes(rows.rigid[:, :, places] @ to_carrier, 0, 1)
     residual = [
         y - c @ np.linalg.lstsq(c[used], y[used], rcond=1e-10)[0]
@@ -197,7 +197,7 @@ def _without_sticking(fit: _Fit) -> _Fit:
     rest, friction = np.full_like(samples.v, 1e-9), SteadyFriction.of(samples.regressor.model)
     levels = abs(friction(rest, np.sign(rest), 0.0 * rest, rows.effort)).mean(axis=0)
     sizes = 1.0 / np.maximum(fit.weights.max(axis=0), 1e-300)
-    rows = rows.cleared(uncertainty.UNKNOWN_FRICTION * levels, sizes)
+    rows = rows.whitened(uncertainty.UNKNOWN_FRICTION * levels, sizes)
     return _fitted(fit.places, fit.to_carrier, rows)
 
 

@@ -61,7 +61,7 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
     Raises:
         InvalidInput: If it hardly predicts them.
     """
-    rows = trial.rows.plain
+    rows = trial.rows.unwhitened
     train = rows.samples.use & rows.samples.train[:, None]
     predicted = trial.predicted(rows)
     nominal = nominal_efforts(rows)
@@ -73,7 +73,7 @@ def validate(trial: Fit, ranges: Array, held_out: float) -> Validation:
         _relative(rows.effort, predicted, shown)[0], _relative(rows.effort, nominal, shown)[0],
         rows.samples.names, ratios,
     )  # fmt: skip
-    worse = excess(trial, test, trial.rows.clear(nominal))
+    worse = excess(trial, test, trial.rows.whiten(nominal))
     error, each = _relative(rows.effort, predicted, test)
     before, each_before = _relative(rows.effort, nominal, test)
     residuals = np.where(test.any(axis=0), deviations(rows.effort, predicted, test), np.nan)

@@ -184,7 +184,7 @@ def _without_sticking(fit: Fit) -> Fit:
     ])  # fmt: skip
     levels = np.array([law.coefficients.get(COULOMB, 0.0) for law in fit.friction])
     exact = NOISELESS * np.sqrt((fit.rows.effort**2).mean(axis=0))
-    rows = fit.rows.cleared(levels, np.maximum(sizes, exact))
+    rows = fit.rows.whitened(levels, np.maximum(sizes, exact))
     return _simple_fit(rows, fit.problem.prior)
 
 
@@ -196,7 +196,7 @@ def _with_best_age(fit: Fit, data: ArmRecordings) -> tuple[Fit, list[str]]:
         if age != 0.0:
             rows = replace(data, age=age).rows(fit.rows.effort_band)
             trial = _without_sticking(_simple_fit(rows, fit.problem.prior))
-        ageing = trial.rows.ageing(trial.predicted(trial.rows.plain))
+        ageing = trial.rows.ageing(trial.predicted(trial.rows.unwhitened))
         change, deviation = uncertainty.added_coefficients(trial, ageing[:, :, None])
         return trial, float(change[0]), float(deviation[0])
 
@@ -241,14 +241,14 @@ def _consistent_fits(fit: Fit) -> _Fits:
     whole = fit.problem.use | (rows.samples.use & ~rows.samples.train[:, None])
     use, _ = irregularities.without_outliers(trial, whole)
     final = consistent_fit(trial.refitted(use=use))
-    strict = final.refitted(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
+    strict = final.refitted(rows=rows.with_larger_torques(uncertainty.UNKNOWN_FRICTION))
     laws = parameters.without_doubtful(strict)
     if any(a.kinds != b.kinds for a, b in zip(laws, final.friction, strict=True)):
         lean_fit = consistent_fit(fitted(final.problem, laws))
         before, after = (bandwidth.mean_residual(fit.residual, use) for fit in (final, lean_fit))
         if after < LEAN_RATIO * before:
             trial, final = consistent_fit(fitted(trial.problem, laws)), lean_fit
-            strict = final.refitted(rows=rows.stricter(uncertainty.UNKNOWN_FRICTION))
+            strict = final.refitted(rows=rows.with_larger_torques(uncertainty.UNKNOWN_FRICTION))
     return _Fits(trial, final, strict)
 
 
@@ -321,7 +321,7 @@ def _scene(
 
 def _torques(trial: Fit, final: Fit, nominal: Array) -> Torques:
     """Measured and other torques, shapes (k, n), NaN where samples are not valid."""
-    rows = trial.rows.plain
+    rows = trial.rows.unwhitened
     after = final.predicted(rows)
     predicted = np.where(rows.samples.train[:, None], after, trial.predicted(rows))
 

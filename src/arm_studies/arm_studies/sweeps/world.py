@@ -167,11 +167,17 @@ class World:
         trace, effort, notes = (np.empty((ticks, width)) for width in (len(run.x0), n, 2))
         stepper.restart()
         stepper.p[:] = run.p
-        good = stepper.advance(run.x0.copy(), self._inputs(run), trace, effort, notes)
-        if good < ticks:
-            raise SimulationDiverged(f"at t = {(good + 1) * self._simulator.dt:.6g} s")
-        torque = self._simulator.arm.plant.joint_torque(trace, effort)
-        return self._row(run, np.vstack([run.x0[:n], trace[:, :n]]), torque, effort)
+        completed = stepper.advance(run.x0.copy(), self._inputs(run), trace, effort, notes)
+        if completed < ticks:
+            raise SimulationDiverged(f"at t = {(completed + 1) * self._simulator.dt:.6g} s")
+        return self._compiled_row(run, np.vstack([run.x0, trace]), effort)
+
+    def _compiled_row(self, run: _Run, states: Array, effort: Array) -> Row:
+        """Metrics of states at all ticks, shape (ticks + 1, nx), and of efforts in each."""
+        torque = self._simulator.arm.plant.joint_torque(states[1:], effort)
+        # Contiguous, since sums depend on the memory layout
+        q = np.ascontiguousarray(states[:, : len(self.joint_names)])
+        return self._row(run, q, torque, effort)
 
     def _closed_loop(self, run: _Run) -> Row:
         """Simulate a run with its controller as a ``ClosedLoop`` runs it."""
@@ -208,9 +214,7 @@ class World:
         rows = dict[int, Row]()
         for i, run in enumerate(runs):
             if i not in remaining and np.isfinite(out[i, -1]).all():
-                torque = self._simulator.arm.plant.joint_torque(out[i, 1:], effort[i])
-                q = np.ascontiguousarray(out[i, :, :n])  # sums depend on the memory layout
-                rows[run.job.index] = self._row(run, q, torque, effort[i])
+                rows[run.job.index] = self._compiled_row(run, out[i], effort[i])
         return rows
 
     @cached_property

@@ -81,14 +81,14 @@ def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
     q = np.column_stack([np.sin(2.1 * t), 0.7 * np.cos(1.3 * t)])
     rows = rows_of(t, q)
     unknown = rows.filtered(rows.samples.still * rng.normal(size=rows.samples.still.shape))
-    cleared = rows.cleared(np.ones(2), np.full(2, 1e-3))
+    whitened = rows.whitened(np.ones(2), np.full(2, 1e-3))
     for j in range(2):
         use = rows.samples.use[:, j]
         assert abs(unknown[use, j]).max() > 0.1
-        assert abs(cleared.clear(unknown)[use, j]).max() < 1e-2
-        left = np.linalg.norm(cleared.inertia[use, j]) / np.linalg.norm(rows.inertia[use, j])
+        assert abs(whitened.whiten(unknown)[use, j]).max() < 1e-2
+        left = np.linalg.norm(whitened.inertia[use, j]) / np.linalg.norm(rows.inertia[use, j])
         assert 0.5 < left < 0.99
-    np.testing.assert_array_equal(cleared.plain.effort, rows.effort)
+    np.testing.assert_array_equal(whitened.unwhitened.effort, rows.effort)
 
 
 def test_rows_of_a_joint_that_mostly_sticks_are_not_used():

@@ -51,7 +51,7 @@ EXPORT int fmi2SetReal(void* c, const reference_t* references, size_t count, con
   return set_values(c, references, count, values);
 }
 
-EXPORT int fmi2DoStep(void* c, double point, double time, int final) { return advance(c, point, time); }
+EXPORT int fmi2DoStep(void* c, double point, double step, int final) { return advance(c, point, step); }
 
 EXPORT int fmi2GetRealStatus(void* c, int kind, double* value) {
   if (kind != LAST_SUCCESSFUL_TIME) return fail(c, "the only status is the last successful time");

@@ -36,9 +36,9 @@ EXPORT int fmi3SetFloat64(void* c, const reference_t* references, size_t count, 
   return size == count ? set_values(c, references, count, values) : fail(c, "as many values as references are expected");
 }
 
-EXPORT int fmi3DoStep(void* c, double point, double time, bool final, bool* events, bool* terminate, bool* early,
+EXPORT int fmi3DoStep(void* c, double point, double step, bool final, bool* events, bool* terminate, bool* early,
                       double* last) {
-  const int status = advance(c, point, time);
+  const int status = advance(c, point, step);
   if (events) *events = false;
   if (terminate) *terminate = false;
   if (early) *early = false;

@@ -188,14 +188,14 @@ static int apply_wrenches(instance_t* i) {
   return outcome(i, code);
 }
 
-/* Advance from a communication point, the end of the last tick, by a time of whole ticks. */
-static int advance(instance_t* i, double point, double time) {
-  const double offset = (point - end_time(i)) / PERIOD, ticks = floor(time / PERIOD + 0.5);
+/* Advance from a communication point, the end of the last tick, by a step of whole ticks. */
+static int advance(instance_t* i, double point, double step) {
+  const double offset = (point - end_time(i)) / PERIOD, ticks = floor(step / PERIOD + 0.5);
   char text[200];
   if (!i->memory->initialized) return fail(i, "initialization is not over");
-  if (!(fabs(offset) < POINT_TOLERANCE) || !(fabs(time / PERIOD - ticks) <= LENGTH_TOLERANCE) || ticks < 1.0) {
+  if (!(fabs(offset) < POINT_TOLERANCE) || !(fabs(step / PERIOD - ticks) <= LENGTH_TOLERANCE) || ticks < 1.0) {
     snprintf(text, sizeof text, "a step from %g s by %g s; allowed: from %g s, where the last one ended, by ticks of %g s",
-             point, time, end_time(i), PERIOD);
+             point, step, end_time(i), PERIOD);
     return fail(i, text);
   }
   memcpy(i->before, i->sim, library_sim_size());

@@ -34,6 +34,10 @@ from arm_studies.identification.drives.matching import Match, match
 from arm_studies.identification.regression.estimation import solved
 
 Kind = Literal["blocked", "free", "coast"]
+# Guesses of what records give no positive value of, in SI units: sizes of small motors.
+_RESISTANCE, _CONSTANT, _INERTIA = 1.0, 0.1, 1e-4
+# Most electric time constants L/R in a sampling interval: a faster current leaves no trace in it.
+_FASTEST = 20.0
 UNITS = {
     "resistance": "Ω", "inductance": "H", "torque_constant": "N m/A",
     "back_emf_constant": "V s/rad", "rotor_inertia": "kg m²", "rotor_damping": "N m s/rad",
@@ -180,19 +184,22 @@ def _guess(records: Sequence[MotorRecord], *, has_two_constants: bool) -> dict[s
         solved(table[:, :3], table[:, 3], 1e-9) if len(table := np.vstack(parts)) else np.zeros(3)
         for parts in (electric, mechanical)
     )
-    R, Ke = R if R > 0.0 else 1.0, Ke if Ke > 0.0 else 0.1
-    Kt = Ke
-    if has_two_constants:
-        i, tau = (np.concatenate([getattr(r, x) for r in records]) for x in ("current", "torque"))
-        both = np.isfinite(i) & np.isfinite(tau)
-        slope = float(solved(i[both, None], tau[both])[0]) if both.any() else 0.0
-        Kt = slope if slope > 0.0 else 0.1
-    J, B, C = Kt * np.array([J if J > 0.0 else 1e-4 / Kt, B, C])
+    R, Ke = R if R > 0.0 else _RESISTANCE, Ke if Ke > 0.0 else _CONSTANT
+    Kt = _torque_constant(records) if has_two_constants else Ke
+    J, B, C = Kt * np.array([J if J > 0.0 else _INERTIA / Kt, B, C])
     small = 1e-3 * J / max((r.time[-1] - r.time[0]) for r in records)
     dt = min(record.dt for record in records)
     guess = {
-        "resistance": R, "inductance": max(L, R * dt / 20.0), "torque_constant": Kt,
+        "resistance": R, "inductance": max(L, R * dt / _FASTEST), "torque_constant": Kt,
         "back_emf_constant": Ke, "rotor_inertia": J, "rotor_damping": max(B, small),
         "coulomb": max(C, small),
     }  # fmt: skip
     return {name: float(value) for name, value in guess.items()}
+
+
+def _torque_constant(records: Sequence[MotorRecord]) -> float:
+    """Least squares on measured torques."""
+    i, tau = (np.concatenate([getattr(r, x) for r in records]) for x in ("current", "torque"))
+    both = np.isfinite(i) & np.isfinite(tau)
+    slope = float(solved(i[both, None], tau[both])[0]) if both.any() else 0.0
+    return slope if slope > 0.0 else _CONSTANT

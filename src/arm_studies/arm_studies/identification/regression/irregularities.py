@@ -10,16 +10,24 @@ from arm_studies.identification.regression.regressor import RigidRegressor
 from arm_studies.identification.regression.rows.samples import Samples
 from arm_studies.identification.regression.uncertainty import added_coefficients
 
-# Angle in [rad], and standard deviations, above which a tilt of the base is reported.
-TILT, SIGNIFICANT = 0.01, 5.0
-# Blocks of a recording, and relative change of friction, from which a drift is reported.
-BLOCKS, DRIFT = 10, 0.1
+# Standard deviations above which a tilt, or a change of friction, is reported.
+SIGNIFICANT = 5.0
+# Angle in [rad] above which a tilt of the base is reported.
+TILT = 0.01
+# Blocks of a recording whose friction is compared.
+BLOCKS = 10
+# Relative change of friction over a recording from which it is reported as a drift.
+DRIFT = 0.1
 # Change of friction over a turn, relative to its Coulomb friction, from which it is reported.
 RIPPLE = 0.1
 # Fraction of the rows in which a joint may stick, from which it is reported.
 STICKING_FRACTION = 0.5
 # Robust standard deviations beyond which a residual is an outlier: contact, or stiction.
 OUTLIER = 5.0
+# Fraction of a joint's rows from which they are no outliers, but a motion that the fit misses.
+MANY = 0.2
+# Fraction of a joint's rows from which outliers are reported.
+NOTED_FRACTION = 0.002
 AT_STOP = 0.01  # Distance in [rad] or [m] from an end stop within which it is the cause of one.
 
 
@@ -37,16 +45,17 @@ def without_outliers(fit: Fit, use: Mask) -> tuple[Mask, list[str]]:
         far = (size > OUTLIER * max(typical, floor)) & used
         wide = np.convolve(far, np.ones(2 * reach + 1), mode="same") > 0.5
         share = float(wide[used].mean())
-        if 0.0 < share < 0.2:
-            kept[:, j] &= ~wide
-            if share > 0.002:
-                stops = rows.samples.regressor.model.stops.place[:, j]
-                stopped = abs(rows.samples.q[wide, j, None] - stops).min() < AT_STOP
-                cause = "it hits its end stop" if stopped else "stiction, contact or sensor fault"
-                notes.append(
-                    f"'{name}': {share:.1%} of the rows are outliers ({cause}) and are not used "
-                    "in the fit"
-                )
+        if not 0.0 < share < MANY:
+            continue
+        kept[:, j] &= ~wide
+        if share > NOTED_FRACTION:
+            stops = rows.samples.regressor.model.stops.place[:, j]
+            stopped = abs(rows.samples.q[wide, j, None] - stops).min() < AT_STOP
+            cause = "it hits its end stop" if stopped else "stiction, contact or sensor fault"
+            notes.append(
+                f"'{name}': {share:.1%} of the rows are outliers ({cause}) and are not used in "
+                "the fit"
+            )
     return kept, notes
 
 
@@ -91,7 +100,7 @@ def drifts(fit: Fit) -> list[str]:
         at = np.linspace(-0.5, 0.5, BLOCKS)
         slope = float(at @ means / (at @ at))
         scatter = float(np.std(means - means.mean() - slope * at, ddof=2))
-        if abs(slope) > max(5.0 * scatter / float(np.sqrt(at @ at)), DRIFT * size):
+        if abs(slope) > max(SIGNIFICANT * scatter / float(np.sqrt(at @ at)), DRIFT * size):
             notes.append(
                 f"'{name}': friction changes by {slope / size:+.0%} over the recording, as with "
                 "temperature; the scene has the mean"

@@ -103,7 +103,7 @@ def estimated(fit: Fit) -> Estimates:
     own = np.zeros((rows.samples.n, len(weights), columns.size))
     for j, place in enumerate(columns.places):
         own[j][:, place] = columns.all_of(j) * weights[:, j : j + 1]
-    y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.plain))
+    y, ageing = weights * fit.problem.target, weights * rows.ageing(fit.predicted(rows.unwhitened))
     noise = fit.weights * rows.noise(fit.theta, fit.armature)
     solution = unbiased(rows, own[:, :, places], y, ageing, noise, float(np.linalg.norm(y)))
     of_shapes = len(places) - len(parameters)
@@ -199,8 +199,8 @@ def _variances(rows: Rows, own: Array, residual: Array) -> Array:
     """
     H, inverse = _information(own)
     independent = _independent(rows)
-    count = own.any(axis=2).sum(axis=1) * independent - rows.spent
-    whole = count + rows.spent
+    count = own.any(axis=2).sum(axis=1) * independent - rows.lost_freedoms
+    whole = count + rows.lost_freedoms
     grown = whole / np.maximum(count - np.sum(H * inverse, axis=(1, 2)), 1.0)
     white = np.tensordot(grown, H, axes=1) / independent
     scores = np.einsum("jkm,kj->km", own, np.sqrt(grown) * residual)

@@ -71,28 +71,28 @@ class Rows:
 
     Columns are filtered as the efforts are, since an equation stays true if both sides are
     filtered; if the robot filters its efforts itself, columns are also filtered at
-    ``effort_band``. Both sides are cleared of torques of joints that stick, by whitening.
+    ``effort_band``. Both sides are whitened against torques of joints that stick.
 
     Attributes:
         samples: The motions.
         effort_band: Cut-off frequency in [Hz] of the robot's own filter; None if it has none.
         scales: Torque per unit of effort, shape (n,).
-        sticking: Of each joint, if rows are cleared, size of the unknown torque as it sticks, and
+        sticking: Of each joint, if rows are whitened, size of the unknown torque as it sticks, and
             standard deviation of its residual.
-        uncleared: The rows before they were cleared, if they are.
+        _unwhitened: The rows before they were whitened, if they are.
     """
 
     samples: Samples
     effort_band: float | None = None
     scales: Array | float = 1.0
     sticking: tuple[tuple[float, float], ...] = ()
-    uncleared: Rows | None = None
+    _unwhitened: Rows | None = None
 
     @cached_property
     def effort(self) -> Array:
         """Low-pass filtered efforts, shape (k, n)."""
         efforts = [motion.filtered(motion.effort) for motion in self.samples.motions]
-        return self.clear(np.concatenate(efforts) * self.scales)
+        return self.whiten(np.concatenate(efforts) * self.scales)
 
     @cached_property
     def rigid(self) -> Array:
@@ -118,31 +118,31 @@ class Rows:
         return self.of_joints(self.samples.a)
 
     def filtered(self, columns: Array, joint: int | None = None) -> Array:
-        """Filter columns as the efforts, shape (k, …), and clear them as those of a joint."""
+        """Filter columns as the efforts, shape (k, …), and whiten them as those of a joint."""
         smooth = self.samples.smoothed(columns)
         if self.effort_band is not None and self.effort_band < self.samples.band:
             smooth = self.samples.smoothed(smooth, self.effort_band)
-        return smooth if joint is None else self._whitened(smooth, joint)
+        return smooth if joint is None else self._whiten_at(smooth, joint)
 
     def of_joints(self, columns: Array) -> Array:
         """Filter columns as the efforts of each joint, shape (k, n, …)."""
-        return self.clear(self.filtered(columns))
+        return self.whiten(self.filtered(columns))
 
-    def clear(self, columns: Array) -> Array:
+    def whiten(self, columns: Array) -> Array:
         """Filtered columns of each joint as they are in these rows, shape (k, n, …)."""
-        return np.stack([self._whitened(columns[:, j], j) for j in range(self.samples.n)], axis=1)
+        return np.stack([self._whiten_at(columns[:, j], j) for j in range(self.samples.n)], axis=1)
 
-    def _whitened(self, columns: Array, joint: int) -> Array:
+    def _whiten_at(self, columns: Array, joint: int) -> Array:
         return self._whitenings[joint](columns) if self._whitenings else columns
 
     def low_passed(self, effort_band: float | None) -> Rows:
         """The same rows, for efforts that were filtered before at ``effort_band``, or were not."""
         if effort_band == self.effort_band:
             return self
-        plain = replace(self.plain, effort_band=effort_band)
-        return replace(plain, sticking=self.sticking, uncleared=plain) if self.sticking else plain
+        rows = replace(self.unwhitened, effort_band=effort_band)
+        return replace(rows, sticking=self.sticking, _unwhitened=rows) if self.sticking else rows
 
-    def cleared(self, levels: Array, sizes: Array) -> Rows:
+    def whitened(self, levels: Array, sizes: Array) -> Rows:
         """The same rows without what unknown torques of joints that stick can cause.
 
         The low-pass filter spreads such torques over rows in which the joint moves. These are
@@ -154,21 +154,21 @@ class Rows:
             sizes: Standard deviation of each joint's residual, shape (n,).
         """
         sticking = tuple(zip(levels.tolist(), sizes.tolist(), strict=True))
-        return replace(self, sticking=sticking, uncleared=self.plain)
+        return replace(self, sticking=sticking, _unwhitened=self.unwhitened)
 
-    def stricter(self, factor: float) -> Rows:
-        """The same rows cleared of torques that are larger by a factor."""
+    def with_larger_torques(self, factor: float) -> Rows:
+        """The same rows whitened against torques that are larger by a factor."""
         sticking = tuple((factor * level, size) for level, size in self.sticking)
         return replace(self, sticking=sticking) if sticking else self
 
     @property
-    def plain(self) -> Rows:
+    def unwhitened(self) -> Rows:
         """The rows as they are measured, where joints stick, too."""
-        return self.uncleared or self
+        return self._unwhitened or self
 
     @cached_property
     def _whitenings(self) -> list[Whitening]:
-        """Of each joint, if the rows are cleared."""
+        """Of each joint, if the rows are whitened."""
         samples, whitenings = self.samples, []
         for j, (level, size) in enumerate(self.sticking if np.isfinite(samples.band) else ()):
             torques = pulses(samples.still[:, j], samples.band * samples.motions[0].dt)
@@ -177,14 +177,14 @@ class Rows:
         return whitenings
 
     @property
-    def spent(self) -> Array:
+    def lost_freedoms(self) -> Array:
         """Number of independent values by which whitening leaves each joint fewer, shape (n,)."""
-        spent = np.zeros(self.samples.n)
+        lost = np.zeros(self.samples.n)
         for j, whitening in enumerate(self._whitenings):
             # Of noise within the band a direction has as much as the filter lets pass of it.
             passed = (self.samples.smoothed(whitening.directions) ** 2).sum(axis=0)
-            spent[j] = passed @ (whitening.power / (1.0 + whitening.power))
-        return spent
+            lost[j] = passed @ (whitening.power / (1.0 + whitening.power))
+        return lost
 
     def ageing(self, values: Array) -> Array:
         """Change of efforts, given by a fit, for each second by which they are older, (k, n).
@@ -195,7 +195,7 @@ class Rows:
         for motion, rows in self.samples.stretches:
             if not motion.aged:
                 slopes[rows] = -np.gradient(values[rows], motion.dt, axis=0)
-        return self.clear(slopes)
+        return self.whiten(slopes)
 
     def noise(self, theta: Array, armature: Array) -> Array:
         """Standard deviation that white noise of the sensors has in each joint's rows, (n,).
