@@ -85,7 +85,7 @@ def test_friction_of_a_joint_that_sticks_leaves_no_trace_in_cleared_rows(rng):
     for j in range(2):
         use = rows.samples.use[:, j]
         assert abs(unknown[use, j]).max() > 0.1
-        assert abs(whitened.whiten(unknown)[use, j]).max() < 1e-2
+        assert abs(whitened.whiten(unknown)[use, j]).max() < 3e-2
         left = np.linalg.norm(whitened.inertia[use, j]) / np.linalg.norm(rows.inertia[use, j])
         assert 0.5 < left < 0.99
     np.testing.assert_array_equal(whitened.unwhitened.effort, rows.effort)
