@@ -28,7 +28,7 @@ int solve_cones(int nc, const double* W, const double* c, const double* mu, int*
                 double* force, double* direction) {
   const scene_t sizes = {.nc = nc}, *scene = &sizes;
   LOCAL(cones_t, cones, cones_of, CONES);
-  answer_t answers[NC + 1];
+  contact_solution_t answers[NC + 1];
   cones.W = W;
   cones.c = c;
   cones.friction = cones.static_friction = mu;
@@ -48,7 +48,7 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
   const scene_t sizes = {.nc = 1};
   double block[3][3];
   own_block(&sizes, W, 0, block);
-  const answer_t answer = solve_contact(block, c, mu, mu, given);
+  const contact_solution_t answer = solve_contact(block, c, mu, mu, given);
   for (int i = 0; i < 3; ++i) force[i] = answer.force[i];
   return answer.state;
 }

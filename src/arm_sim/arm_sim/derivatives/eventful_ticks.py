@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from threading import Lock
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
@@ -17,9 +16,8 @@ from arm_dynamics.codegen.addresses import address
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.header import Header
 from arm_dynamics.codegen.one_at_a_time import one_at_a_time
-from arm_dynamics.equations.contact import Mode
 from arm_dynamics.exceptions import CompilerMissing
-from arm_sim.derivatives.guards import guard_functions, guard_names
+from arm_sim.derivatives.guards import guard_functions, guard_names, mobility_across
 from arm_sim.derivatives.impact import impact_function
 from arm_sim.derivatives.one_sided import TickPoint
 from arm_sim.derivatives.refusals import (
@@ -36,13 +34,10 @@ from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation_slopes
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.plant.symbols import expanded_function
 from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.engine import NATIVE, Compiled, address_of
 from arm_sim.stepping.rollouts.lanes import ADDRESS, compile_lanes, lanes_source
 
-# Mobility across the direction of sliding, relative to the whole, that is rounding.
-ROUNDING = 1e-12
 # Largest number of segments of a tick
 MAX_SEGMENTS = 1000
 # Functions of the engine that derivatives need as well
@@ -163,10 +158,15 @@ class EventfulTicks:
         step, close = (ctypes.cast(callback, ADDRESS).value for callback in self._callbacks_alive)
         steps = self._tangents.library(1)
         if steps is None or self._choice.tolerance is not None:
-            return Helpers(engine.scene.value, 0, 0, step, close)
+            return Helpers(
+                tick_scene=engine.scene.value, propagate_step=step, differentiate_closing=close
+            )
         step = ctypes.cast(steps.engine.propagate_step, ADDRESS).value
         tangents = address_of(steps.own, TANGENTS)
-        return Helpers(engine.scene.value, steps.scene.value, tangents, step, close)
+        return Helpers(
+            tick_scene=engine.scene.value, step_scene=steps.scene.value, tangents=tangents,
+            propagate_step=step, differentiate_closing=close,
+        )  # fmt: skip
 
     def _raising_later(self, callback: Callable[..., None]) -> Callable[..., None]:
         """The callback for C, through which no exception passes: ``_run`` raises it."""
@@ -195,8 +195,8 @@ class EventfulTicks:
 
     def _close(self, end: int, p: int, begin: int, slopes: int) -> None:
         """Derivatives of the closing of contacts that a coarse step has left open."""
-        n, modes = 2 * self._plant.model.n, self._plant.rhs.size1_in(2)
-        arguments = _numbers(end, n), _numbers(p, modes), _numbers(begin, n)
+        moving, modes = 2 * self._plant.model.n, self._plant.rhs.size1_in(2)
+        arguments = _numbers(end, moving), _numbers(p, modes), _numbers(begin, moving)
         matrix = np.array(self._rest.closed(*arguments))
         _numbers(slopes, matrix.size)[:] = matrix.ravel(order="F")
 
@@ -215,22 +215,6 @@ class EventfulTicks:
             functions.append(impact_function(plant, p_indices))
         sizes = {"nt": len(p_indices), "ng": len(guard_names(plant))}
         return lanes_source(plant, self._choice, functions, width, sizes)
-
-
-def mobility_across(plant: Plant) -> ca.Function:
-    """``across`` (x, u, p) -> a number for each contact of a scene.
-
-    It is positive where forces can move the contact across its direction of sliding.
-    """
-    mobility_of, across = plant.events["contact_mobility"], list[ca.MX]()
-    x, u, p = mobility_of.mx_in()
-    W, sliding = mobility_of(x, u, p)[0], Mode.of(plant.layout.parts(p)[-1]).direction
-    for k in range(len(plant.points)):
-        rows, direction = slice(3 * k, 3 * k + 3), sliding[2 * k : 2 * k + 2]
-        lateral = ca.vertcat(0, -direction[1], direction[0])
-        mobility = ca.bilin(W[rows, rows], lateral, lateral)
-        across.append(mobility - ROUNDING * ca.trace(W[rows, rows]))
-    return expanded_function("across", [x, u, p], [ca.vertcat(*across)])
 
 
 def _numbers(start: int, *shape: int) -> Array:

@@ -35,13 +35,13 @@ from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, RolloutFlags
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollouts.batch import Batch
+from arm_sim.stepping.rollouts.equal_steps import takes_equal_steps
 from arm_sim.stepping.rollouts.lane_widths import widest
 from arm_sim.stepping.rollouts.lanes import (
     ADDRESS,
     NUMBER,
     compile_lanes,
     lanes_source,
-    takes_equal_steps,
 )
 from arm_sim.stepping.rollouts.threads import share
 

@@ -11,13 +11,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.equations.contact import MODE
+from arm_dynamics.equations.contact import MODE, Mode
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import dense_function, expanded_function
 
 # A guard larger than this fraction of its terms is zero at no instant nearby: it would have to
 # change a thousand times as much in a tick.
 CLEARANCE = 1e-6
+
+# Mobility across the direction of sliding, relative to the whole, that is rounding
+MOBILITY_ROUNDING = 1e-12
 
 # Value of a guard, and the magnitude of its terms
 Guard = tuple[ca.MX, ca.MX]
@@ -76,6 +79,22 @@ def guard_functions(plant: Plant, p_indices: Sequence[int] = ()) -> tuple[ca.Fun
         slopes = ca.jacobian(slope, ca.vertcat(x, u))
         functions.append(dense_function("motion", [x, u, p], slope, slopes))
     return tuple(functions)
+
+
+def mobility_across(plant: Plant) -> ca.Function:
+    """``across`` (x, u, p) -> a number for each contact of a scene.
+
+    It is positive where forces can move the contact across its direction of sliding.
+    """
+    mobility_of, across = plant.events["contact_mobility"], list[ca.MX]()
+    x, u, p = mobility_of.mx_in()
+    W, sliding = mobility_of(x, u, p)[0], Mode.of(plant.layout.parts(p)[-1]).direction
+    for k in range(len(plant.points)):
+        rows, direction = slice(3 * k, 3 * k + 3), sliding[2 * k : 2 * k + 2]
+        lateral = ca.vertcat(0, -direction[1], direction[0])
+        mobility = ca.bilin(W[rows, rows], lateral, lateral)
+        across.append(mobility - MOBILITY_ROUNDING * ca.trace(W[rows, rows]))
+    return expanded_function("across", [x, u, p], [ca.vertcat(*across)])
 
 
 def _symbols(plant: Plant) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:

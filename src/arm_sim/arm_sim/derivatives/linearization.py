@@ -97,18 +97,24 @@ class Linearizer:
             NotDifferentiable: If a tick has no derivative.
         """
         self._coarse_steps.check(x)
-        p = self._stepper.p
-        if compiled := self.ticks.compiled.smooth_ticks:
-            _, slopes, unfinished = compiled.differentiate(x, r, p, ticks, threads, lanes)
-            unfinished = self._unsmooth_arms(unfinished, x, r[:, None], ticks)
-        else:
-            check_lanes(lanes)
-            slopes = np.empty((len(x), self._plant.nx, self.ticks.column_count))
-            unfinished = list(range(len(x)))
+        slopes, unfinished = self._smooth_slopes(x, r, ticks, threads, lanes)
         for arm in unfinished:
             with named_in_errors(arm, len(x)):
                 slopes[arm] = self._differentiate_arm(x[arm], r[arm], ticks, side)
         return slopes
+
+    def _smooth_slopes(
+        self, x: Array, r: Array, ticks: int, threads: int | None, lanes: int | None, *,
+        is_first: bool = True,
+    ) -> tuple[Array, list[int]]:  # fmt: skip
+        """Derivatives of many arms in compiled code, if any, and the arms that are left."""
+        compiled, p = self.ticks.compiled.smooth_ticks, self._stepper.p
+        if compiled is None:
+            check_lanes(lanes)
+            slopes = np.empty((len(x), self._plant.nx, self.ticks.column_count))
+            return slopes, list(range(len(x)))
+        _, slopes, rest = compiled.differentiate(x, r, p, ticks, threads, lanes, is_first=is_first)
+        return slopes, self._unsmooth_arms(rest, x, r[:, None], ticks)
 
     def _differentiate_arm(self, x: Array, r: Array, ticks: int, side: int | None) -> Array:
         """Derivatives of ticks of one arm, through their events."""
@@ -138,15 +144,9 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If there is no such derivative either, as where a motion grazes.
         """
-        p = self._stepper.p
-        if compiled := self.ticks.compiled.smooth_ticks:
-            _, slopes, rest = compiled.differentiate(x, r, p, 1, threads, None, is_first=False)
-            rest = self._unsmooth_arms(rest, x, r[:, None], 1)
-        else:
-            slopes = np.empty((len(x), self._plant.nx, self.ticks.column_count))
-            rest = list(range(len(x)))
-        for arm in rest:
-            point, control = TickPoint(x[arm], r[arm], p), self.ticks.new_control()
+        slopes, unfinished = self._smooth_slopes(x, r, 1, threads, None, is_first=False)
+        for arm in unfinished:
+            point, control = TickPoint(x[arm], r[arm], self._stepper.p), self.ticks.new_control()
             with named_in_errors(arm, len(x)):
                 slopes[arm] = self.ticks.differentiate_either_side(point, control, is_first=False)
         return slopes

@@ -13,6 +13,7 @@ from arm_dynamics.codegen.one_at_a_time import one_at_a_time
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.integrators import nystrom
 from arm_sim.integrators.continuous import middle_weights, needs_slope_at_end, stage_at_end
+from arm_sim.integrators.error_norm import error_norms
 from arm_sim.integrators.methods import Method
 from arm_sim.integrators.tableaux import Tableau, weighted_sum
 
@@ -21,10 +22,6 @@ Stage = Callable[[int, ca.MX], ca.MX]
 # Builds the function that an implicit method may use in place of the Jacobian, see
 # ``extrapolated_step``.
 Scaled = Callable[[], ca.Function | None]
-
-# Of DOP853, Hairer's blend is near the estimate of order 5 and damped where that of order 3 is far
-# larger: the weight of its square, and a number that keeps the root from zero.
-ORDER3_WEIGHT, SMALLEST = 0.01, 1e-300
 
 
 @one_at_a_time
@@ -64,7 +61,7 @@ def build_step(
     step = _step(method, rhs, n, scaled, slope)
     after, errors = step.after, list[ca.MX]()
     if scale is not None:
-        errors = _norms(scale, len(step.estimates), n).call([step.x, after, *step.estimates])
+        errors = error_norms(scale, len(step.estimates), n).call([step.x, after, *step.estimates])
     if project is not None:
         projected, gap, gap_v = project(step.x[: 2 * n], after[: 2 * n], slope.p)
         after = ca.vertcat(projected, after[2 * n :])
@@ -105,7 +102,7 @@ class _Stages:
         self.loads = dict[int, list[ca.MX]]()
 
     def __call__(self, stage: int, y: ca.MX) -> ca.MX:
-        """The slope of a stage, see ``Stage``."""
+        """The slope of a stage, see ``Stage``; keeps the other results in ``loads``."""
         if stage == 0 and self.first is not None:
             return self.first
         if self._loads is None:
@@ -192,23 +189,3 @@ class Step:
         last = 2.0 * (self.after - self.x) / self.h - first if end is None else stages[end]
         weights = middle_weights(self.tableau)
         return [first, last, self.x + self.h * weighted_sum(weights, stages, self.x)]
-
-
-def _norms(scale: Array, estimates: int, n: int) -> ca.Function:
-    """Function (x before, x after, error estimates) -> scaled error, largest error of q."""
-    nx = len(scale)
-    before, after = ca.SX.sym("x", nx), ca.SX.sym("y", nx)
-    errors = [ca.SX.sym(f"e{i}", nx) for i in range(estimates)]
-    size = ca.SX(ca.DM(scale)) + ca.fmax(ca.fabs(before), ca.fabs(after))
-    norms = [_largest(ca.fabs(error) / size) for error in errors]
-    worst = norms[0]
-    if estimates == 2:
-        order3 = ORDER3_WEIGHT * norms[1] * norms[1]
-        worst = worst * worst / ca.sqrt(worst * worst + order3 + SMALLEST)
-    results = [worst, _largest(ca.fabs(errors[0][:n]))]
-    return ca.Function("measure", [before, after, *errors], results)
-
-
-def _largest(values: ca.SX) -> ca.SX:
-    # NaN must propagate, or a diverged step would look perfect: fmax drops NaN, the sum does not.
-    return ca.mmax(values) + 0 * ca.sum1(values)

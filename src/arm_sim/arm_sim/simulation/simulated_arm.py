@@ -27,7 +27,7 @@ from arm_sim.simulation.compiled_scene import CompiledScene
 from arm_sim.simulation.saturation import SaturationNotice
 from arm_sim.state import State, read_only_view
 from arm_sim.stepping.arm import Arm
-from arm_sim.stepping.contact_forces import trouble
+from arm_sim.stepping.events import trouble_message
 from arm_sim.stepping.python_step import PythonStep, python_step
 from arm_sim.stepping.stepper import Stepper
 
@@ -336,7 +336,7 @@ class SimulatedArm:
         return SimulationDiverged(
             f"time step {state.step + 1} (t = {state.time:.6g} s) cannot be computed with "
             f"{choice.method.name}{choice.remark}; the state before it is kept: largest |v| = "
-            f"{abs(state.v).max():.3g}{hint}{trouble(self._stepper)}"
+            f"{abs(state.v).max():.3g}{hint}{trouble_message(self._stepper.report)}"
         )
 
     # --- changes between ticks -----------------------------------------------------------------

@@ -24,7 +24,7 @@ from arm_sim.stepping.scene_source import scene_source
 from arm_sim.stepping.tick_functions import FREE, tick_functions
 
 
-def built_kernel(
+def build_kernel(
     plant: Plant, choice: Choice, backend: str, control: CompiledControl | None, acted: bool
 ) -> Kernel:
     """The functions of a scene, from the cache if they were kept there.
@@ -99,9 +99,10 @@ def _check_accelerations(plant: Plant, kernel: Kernel, rhs: str) -> None:
         missing = tau - steady[1] - (acted - steady[0] + bent)
         if not plant.constrained:
             return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
-        still, under = np.zeros(n), dynamics.constrained.without_sticking
-        lacking: Array = under(q, still, missing)[0] - under(q, still, still)[0]
-        return a + lacking
+        still = np.zeros(n)
+        constrained_acceleration = dynamics.constrained.without_sticking
+        loaded: Array = constrained_acceleration(q, still, missing)[0]
+        return a + (loaded - constrained_acceleration(q, still, still)[0])
 
     check = check_constrained if plant.constrained else check_forward
     check(dynamics, acceleration)

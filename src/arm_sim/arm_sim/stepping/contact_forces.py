@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact forces at a state, and the reasons of failed ticks."""
+"""Contact forces at a state."""
 
 from dataclasses import dataclass
 
@@ -7,22 +7,9 @@ import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.events import Modes, Trouble
+from arm_sim.stepping.events import Modes
 from arm_sim.stepping.stepper import Stepper
-
-_WHY = {
-    Trouble.UNDETERMINED: (
-        "; no motion of its contacts satisfies all laws: friction closes a sliding contact faster "
-        "than the normal force opens it (Painlevé's paradox), or contacts jam"
-    ),
-    Trouble.INSIDE: "; a contact point is inside its plane",
-    Trouble.STOP: (
-        f"; a joint reaches its stop, and events need compiled code: {HOW_TO_GET_CODE}; "
-        "'limits.stop: false' removes a stop"
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -74,30 +61,25 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
     modes = stepper.reactions.modes_at(x, u, stepper.p)
     call = stepper.kernel.call
     gaps = call("contact_geometry")(x[: 2 * plant.model.n])[0][::3]
-    force = call("loads")(x, u, modes.p)[1].reshape(-1, 3)
-    force = force + _shared(plant, stepper, x, u, modes)
+    _, force, *_ = call("loads")(x, u, modes.p)
+    force = force.reshape(-1, 3) + _shared(plant, stepper, x, u, modes)
     sites = np.array(contact.sites(x[: plant.model.n])).T.reshape(-1, 4, 3)
+    normals, tangents, places = sites[:, 0], sites[:, 1:3], sites[:, 3]
     forces = []
     for i, (contact_point, mode) in enumerate(zip(plant.points, modes.contact, strict=True)):
         state = "apart" if not mode["closed"] else "sticks" if mode["sticks"] else "slides"
-        normal, tangents, point = sites[i, 0], sites[i, 1:3], sites[i, 3]
-        tangential = read_only(force[i, 1:] @ tangents)
-        total = read_only(tangential + force[i, 0] * normal)
+        tangential = read_only(force[i, 1:] @ tangents[i])
+        total = read_only(tangential + force[i, 0] * normals[i])
         gap, size = float(gaps[i]), float(force[i, 0])
-        name, site = contact_point.name, read_only(point)
+        name, site = contact_point.name, read_only(places[i])
         forces.append(ContactForce(name, state, gap, size, tangential, total, site))
     return tuple(forces)
 
 
 def _shared(plant: Plant, stepper: Stepper, x: Array, u: Array, modes: Modes) -> Array:
     """Change of contact forces to a distribution within all limits, shape (nc, 3)."""
-    change = stepper.reactions.change(x, u, modes)[0].reshape(-1, 3)
+    change = stepper.reactions.load_sharing(x, u, modes)[0].reshape(-1, 3)
     for k, mode in enumerate(modes.contact):
         if not mode["sticks"]:
             change[k, 1:] = -plant.points[k].friction * change[k, 0] * mode["along"]
     return change
-
-
-def trouble(stepper: Stepper) -> str:
-    """Why contacts or stops made a tick fail, as the end of a message; empty if they did not."""
-    return _WHY.get(Trouble(stepper.report.trouble), "")

@@ -31,11 +31,17 @@ SYMBOL = "own_scene"
 @cache
 def _library(where: compiler.Destination | None, width: int, units: tuple[str, ...],
              folders: tuple[str, ...]) -> ctypes.CDLL:  # fmt: skip
-    head = '#include "scalar.h"' if width == 1 else f'#define LANES {width}\n#include "lanes.hpp"'
-    first, *rest = (f'{head}\n#include "{unit}"\n' for unit in units)
+    first, *rest = (f'{lane_header(width)}#include "{unit}"\n' for unit in units)
     local, language = (*INCLUDED, *folders), "c" if width == 1 else "c++"
     with compiler.describing("engine"):
         return compiler.build(first, language, _FLAGS, local, tuple(rest)).library
+
+
+def lane_header(width: int) -> str:
+    """Beginning of a file of C for ``width`` arms side by side."""
+    if width == 1:
+        return '#include "scalar.h"\n'
+    return f'#define LANES {width}\n#include "lanes.hpp"\n'
 
 
 def library(

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.header import Header
 from arm_sim.plant.plant import Plant
 
@@ -29,6 +30,20 @@ class Trouble(IntEnum):
     STOP = len(_ENGINE.constants)  # without compiled code
 
 
+# Why contacts or stops make ticks fail, as the ends of messages
+TROUBLE_REASONS = {
+    Trouble.UNDETERMINED: (
+        "; no motion of its contacts satisfies all laws: friction closes a sliding contact faster "
+        "than the normal force opens it (Painlevé's paradox), or contacts jam"
+    ),
+    Trouble.INSIDE: "; a contact point is inside its plane",
+    Trouble.STOP: (
+        f"; a joint reaches its stop, and events need compiled code: {HOW_TO_GET_CODE}; "
+        "'limits.stop: false' removes a stop"
+    ),
+}
+
+
 class EventReport(ctypes.Structure):
     """Sums over ticks: ``report_t`` of ``report.h``, where the fields are explained."""
 
@@ -37,6 +52,11 @@ class EventReport(ctypes.Structure):
     def restart(self) -> None:
         """Start afresh, as after a reset."""
         self.impact_loss, self.impacts, self.trouble, self.time_stepped = 0.0, 0, 0, 0
+
+
+def trouble_message(report: EventReport) -> str:
+    """Why contacts or stops made a tick fail, as the end of a message; empty if they did not."""
+    return TROUBLE_REASONS.get(Trouble(report.trouble), "")
 
 
 def array_lengths(plant: Plant) -> dict[str, int]:

@@ -36,7 +36,7 @@ class Reactions:
             self._compiled.engine.find_modes(self._compiled.scene, *map(pointer, arrays))
         return modes
 
-    def change(self, x: Array, u: Array, modes: Modes) -> tuple[Array, Array]:
+    def load_sharing(self, x: Array, u: Array, modes: Modes) -> tuple[Array, Array]:
         """How parts that hold together share their load, where least norms are beyond a limit.
 
         Returns:
@@ -56,18 +56,20 @@ class Reactions:
         if not (self._kernel.native and ((q <= lower) | (q >= upper)).any()):
             return np.zeros(len(q))
         modes = self.modes_at(x, u, p)
-        torque = self._kernel.call("loads")(x, u, modes.p)[-2] - self.change(x, u, modes)[1]
+        *_, torque, _ = self._kernel.call("loads")(x, u, modes.p)
+        torque = torque - self.load_sharing(x, u, modes)[1]
         pushes = np.where(q <= lower, torque > 0.0, (q >= upper) & (torque < 0.0))
         return np.where(pushes, torque, 0.0)
 
     def beside_bilateral(self, x: Array, u: Array, p: Array) -> Array:
         """Torques of contacts and friction at rest, beside bilateral constraints, shape (n,)."""
         modes = self.modes_at(x, u, p)
-        torque: Array = self._kernel.call("bilateral")(x, u, modes.p)[1]
-        forces, joints = self.change(x, u, modes)
+        _, torque = self._kernel.call("bilateral")(x, u, modes.p)
+        forces, joints = self.load_sharing(x, u, modes)
         if not (forces.any() or joints.any()):
             return torque
-        spread = self._kernel.call("statics")(x, u, modes.p)[0].reshape(-1, len(joints)).T
+        push, *_ = self._kernel.call("statics")(x, u, modes.p)
+        spread = push.reshape(-1, len(joints)).T
         return torque + spread[:, spread.shape[1] - len(forces) :] @ forces - joints
 
 

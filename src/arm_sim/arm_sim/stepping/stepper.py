@@ -23,7 +23,7 @@ from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, adaptive_tick, within_reach
 from arm_sim.stepping.arm import Arm
-from arm_sim.stepping.built_kernel import built_kernel
+from arm_sim.stepping.built_kernel import build_kernel
 from arm_sim.stepping.engine import Compiled, library
 from arm_sim.stepping.events import EventReport, Trouble
 from arm_sim.stepping.reactions import Reactions
@@ -64,7 +64,7 @@ class Stepper:
         self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None,
         *, acted: bool = False,
     ) -> None:  # fmt: skip
-        self.kernel = built_kernel(plant, choice, backend, control, acted)
+        self.kernel = build_kernel(plant, choice, backend, control, acted)
         own = self.kernel.library
         self.compiled = Compiled(own, library()) if own else None
         self.reactions = Reactions(plant, self.kernel, self.compiled)

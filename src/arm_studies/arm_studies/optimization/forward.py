@@ -14,6 +14,7 @@ from arm_sim.stepping import Stepper
 from arm_sim.stepping.arm_table import ArmTable, Engine, RolloutFlags
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollouts import lanes
+from arm_sim.stepping.rollouts.equal_steps import has_unmonitored_switches
 from arm_sim.stepping.rollouts.lane_widths import widest
 from arm_studies.optimization.backward import INCLUDE_FLAGS, Policy
 
@@ -113,7 +114,7 @@ class Forward:
     @cached_property
     def _library(self) -> Compiled | None:
         """Compiled code, for many lanes without events; None where Python steps arms alone."""
-        alone = self._choice.tolerance is not None or lanes.has_unmonitored_switches(self._plant)
+        alone = self._choice.tolerance is not None or has_unmonitored_switches(self._plant)
         if alone or self._simulator.arm.compiled.backend == "vm":
             return None
         array, number = lanes.ADDRESS, lanes.NUMBER

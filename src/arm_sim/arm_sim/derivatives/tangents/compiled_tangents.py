@@ -9,8 +9,8 @@ from arm_sim.derivatives.tangents.tangents import Tangents
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import Engine
+from arm_sim.stepping.rollouts.equal_steps import takes_equal_steps
 from arm_sim.stepping.rollouts.lane_widths import natural_width
-from arm_sim.stepping.rollouts.lanes import takes_equal_steps
 from arm_sim.stepping.stepper import Stepper
 
 

@@ -16,7 +16,7 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.integrators.steps import build_tick
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant, slope_of_loads
-from arm_sim.stepping.engine import INCLUDED, Compiled, library
+from arm_sim.stepping.engine import INCLUDED, Compiled, lane_header, library
 from arm_sim.stepping.scene_source import scene_source
 from arm_sim.stepping.tick_functions import MOVING, smooth_motion
 
@@ -59,26 +59,9 @@ def lanes_source(
 ) -> str:  # fmt: skip
     """C of functions and of their scene, see ``scene_source``, for ``width`` arms side by side."""
     code = generate(functions)
-    if width == 1:
-        head = '#include "scalar.h"\n'
-    else:
+    if width > 1:
         code = _CHOICE.sub(r"if_else_zero(\1,\2)", code).replace(_SIGN, "sign(x)")
-        head = f'#define LANES {width}\n#include "lanes.hpp"\n'
-    return f"{head}{code}{scene_source(plant, choice, functions, more=more)}"
-
-
-def takes_equal_steps(plant: Plant, choice: Choice) -> bool:
-    """Whether arms in any states take the same steps away from stops.
-
-    That is so without events, switches and error control.
-    """
-    smooth = choice.tolerance is None and not (plant.free or plant).eventful
-    return smooth and not has_unmonitored_switches(plant)
-
-
-def has_unmonitored_switches(plant: Plant) -> bool:
-    """Whether drives or cords switch, which lanes of arms away from their stops do not monitor."""
-    return plant.free is not None and plant.layout.switches > 0
+    return f"{lane_header(width)}{code}{scene_source(plant, choice, functions, more=more)}"
 
 
 @one_at_a_time

@@ -15,13 +15,12 @@ from arm_sim.plant.plant import Plant
 from arm_sim.stepping.arm_table import ArmTable, Engine, RolloutFlags
 from arm_sim.stepping.engine import Compiled
 from arm_sim.stepping.rollouts.batch import Batch
+from arm_sim.stepping.rollouts.equal_steps import has_unmonitored_switches, takes_equal_steps
 from arm_sim.stepping.rollouts.lane_widths import check_lanes, natural_width, widest
 from arm_sim.stepping.rollouts.lanes import (
     ADDRESS,
     NUMBER,
     compile_lanes,
-    has_unmonitored_switches,
-    takes_equal_steps,
     ticks_of_lanes,
 )
 from arm_sim.stepping.rollouts.threads import share

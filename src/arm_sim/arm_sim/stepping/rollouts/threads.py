@@ -41,10 +41,7 @@ def share(
     count, groups = threads or len(os.sched_getaffinity(0)), -(-arms // width)
     first = 0  # group that is not worked on yet
     if threads is None and count > 1 and groups > 1 and ticks <= FEW_TICKS:
-        start = perf_counter()
-        work(0, width)
-        count = min(count, 1 + int((groups - 1) * (perf_counter() - start) / WORTH_A_THREAD))
-        first = 1
+        count, first = min(count, _measured_count(width, groups, work)), 1
     count = max(1, min(count, groups - first))
     edges = [first + (groups - first) * i // count for i in range(count + 1)]
     parts = [(a * width, min(arms, b * width)) for a, b in pairwise(edges)]
@@ -64,6 +61,13 @@ def share(
         wait(futures)
     for future in futures:
         future.result()
+
+
+def _measured_count(width: int, groups: int, work: Callable[[int, int], None]) -> int:
+    """Threads that the groups are worth, from the time that the first takes, which is done."""
+    start = perf_counter()
+    work(0, width)
+    return 1 + int((groups - 1) * (perf_counter() - start) / WORTH_A_THREAD)
 
 
 @cache

@@ -11,7 +11,7 @@
 #define SWEEP_TOLERANCE 1e-15 /* change of the forces at which sweeps end, relative to the contact's own */
 
 /* Solve one contact after another (Gauss-Seidel): 1 if this converges. */
-static int sweep(const scene_t* scene, const cones_t* cones, double* r, int sweeps, answer_t* answers) {
+static int sweep(const scene_t* scene, const cones_t* cones, double* r, int sweeps, contact_solution_t* answers) {
   double block[3][3], change[NC + 1];
   for (int k = 0; k < NC; ++k) answers[k] = apart;
   for (int turn = 0; turn < sweeps; ++turn) {

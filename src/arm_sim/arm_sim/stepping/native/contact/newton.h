@@ -29,7 +29,7 @@ static void find_motion(const scene_t* scene, const cones_t* cones, const double
 
 /* rho, t, z and |z| of a contact at forces r and motions w, and whether it sticks. */
 typedef struct {
-  double rho, t, z[2], size;
+  double rho, t, z[2], magnitude;
   int sticks;
 } projection_t;
 
@@ -37,16 +37,16 @@ typedef struct {
 static projection_t project_contact(const scene_t* scene, const cones_t* cones, const double* r, const double* w, int k) {
   const double rho = 3.0 / own_trace(scene, cones->W, k), *force = r + 3 * k, *motion = w + 3 * k;
   projection_t at = {rho, force[0] - rho * motion[0], {force[1] - rho * motion[1], force[2] - rho * motion[2]}, 0.0, 0};
-  at.size = hypot(at.z[0], at.z[1]);
-  at.sticks = cones->was_sliding[k] == 0.0 && at.size <= cones->mu_static[k] * at.t;
+  at.magnitude = hypot(at.z[0], at.z[1]);
+  at.sticks = cones->was_sliding[k] == 0.0 && at.magnitude <= cones->mu_static[k] * at.t;
   return at;
 }
 
 /* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
 static void turning_rows(const scene_t* scene, const cones_t* cones, int k, const projection_t* at, const double* regular,
                          double* J) {
-  const double mu = cones->mu[k], rho = at->rho, part = mu * at->t / at->size;
-  const double along[2] = {at->z[0] / at->size, at->z[1] / at->size};
+  const double mu = cones->mu[k], rho = at->rho, part = mu * at->t / at->magnitude;
+  const double along[2] = {at->z[0] / at->magnitude, at->z[1] / at->magnitude};
   for (int j = 0; j < MC; ++j) {
     double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
     if (j == 3 * k) pressing += 1.0 - rho * regular[j];
@@ -63,7 +63,7 @@ static void turning_rows(const scene_t* scene, const cones_t* cones, int k, cons
 /* Residual F of Coulomb's law as equations in the forces, and its derivative J, row by row; returns the sum of squares of the
  * residual, as the accelerations that it would cause. */
 static double equations(const scene_t* scene, const cones_t* cones, const double* r, double* F, double* J) {
-  double w[MC + 1], regular[MC + 1], trace = 0.0, sum = 0.0;
+  double w[MC + 1], regular[MC + 1], trace = 0.0, merit = 0.0;
   find_motion(scene, cones, r, w);
   for (int i = 0; i < MC; ++i) {
     F[i] = r[i];
@@ -84,19 +84,19 @@ static double equations(const scene_t* scene, const cones_t* cones, const double
       if (cones->was_sliding[k] != 0.0) {
         F[n + 1 + i] = r[n + 1 + i] + cones->mu[k] * r[n] * cones->sliding_direction[2 * k + i];
         J[MC * (n + 1 + i) + n] = cones->mu[k] * cones->sliding_direction[2 * k + i];
-      } else F[n + 1 + i] = r[n + 1 + i] - cones->mu[k] * at.t * at.z[i] / at.size;
+      } else F[n + 1 + i] = r[n + 1 + i] - cones->mu[k] * at.t * at.z[i] / at.magnitude;
     }
     if (!at.sticks && cones->was_sliding[k] == 0.0) turning_rows(scene, cones, k, &at, regular, J);
   }
   for (int i = 0; i < MC; ++i) {
     const double acceleration = F[i] * own_trace(scene, cones->W, i / 3);
-    sum += acceleration * acceleration;
+    merit += acceleration * acceleration;
   }
-  return sum;
+  return merit;
 }
 
 /* States of the contacts and their sliding directions, from forces that satisfy the laws. */
-static void read_answers(const scene_t* scene, const cones_t* cones, const double* r, answer_t* answers) {
+static void read_answers(const scene_t* scene, const cones_t* cones, const double* r, contact_solution_t* answers) {
   double w[MC + 1];
   find_motion(scene, cones, r, w);
   for (int k = 0; k < NC; ++k) {
@@ -107,44 +107,44 @@ static void read_answers(const scene_t* scene, const cones_t* cones, const doubl
     for (int i = 0; i < 3; ++i) answers[k].force[i] = r[3 * k + i];
     answers[k].state = at.sticks ? STICKS : SLIDES;
     for (int i = 0; i < 2 && answers[k].state == SLIDES; ++i)
-      answers[k].direction[i] = cones->was_sliding[k] != 0.0 ? cones->sliding_direction[2 * k + i] : -at.z[i] / at.size;
+      answers[k].direction[i] = cones->was_sliding[k] != 0.0 ? cones->sliding_direction[2 * k + i] : -at.z[i] / at.magnitude;
   }
 }
 
 /* Largest residual of the laws, relative to the forces of its contact. */
 static double relative_residual(const scene_t* scene, const cones_t* cones, const double* r, const double* F) {
-  double most = 0.0;
+  double largest = 0.0;
   for (int k = 0; k < NC; ++k) {
-    const double left = fmax(fabs(F[3 * k]), fmax(fabs(F[3 * k + 1]), fabs(F[3 * k + 2])));
-    if (left != 0.0) most = fmax(most, left / (own_size(scene, cones, r, k) + 1e-300));
+    const double residual = fmax(fabs(F[3 * k]), fmax(fabs(F[3 * k + 1]), fabs(F[3 * k + 2])));
+    if (residual != 0.0) largest = fmax(largest, residual / (own_size(scene, cones, r, k) + 1e-300));
   }
-  return most;
+  return largest;
 }
 
 /* Improve forces by Newton's method until they satisfy the laws, to rounding: 0 if they do not. */
-static int newton(const scene_t* scene, const cones_t* cones, double* r, answer_t* answers) {
-  double trial[MC + 1], after[MC + 1], F[MC + 1], J[MC * MC + 1], step[MC + 1], left;
+static int newton(const scene_t* scene, const cones_t* cones, double* r, contact_solution_t* answers) {
+  double trial[MC + 1], after[MC + 1], F[MC + 1], J[MC * MC + 1], step[MC + 1], residual;
   for (int i = 0; i < MC; ++i) trial[i] = r[i];
-  double size = equations(scene, cones, trial, F, J);
-  for (int turn = 0, better = 1;; ++turn) {
-    double length = 1.0, next = size;
-    left = relative_residual(scene, cones, trial, F);
+  double merit = equations(scene, cones, trial, F, J);
+  for (int iteration = 0, has_decreased = 1;; ++iteration) {
+    double length = 1.0, next_merit = merit;
+    residual = relative_residual(scene, cones, trial, F);
     /* After a search without decrease only rounding is left, and ROUNDING_TOLERANCE is accepted. The last step of the search
      * is taken even so. */
-    if (left <= (better ? NEWTON_TOLERANCE : ROUNDING_TOLERANCE) || turn == NEWTON_STEPS) break;
+    if (residual <= (has_decreased ? NEWTON_TOLERANCE : ROUNDING_TOLERANCE) || iteration == NEWTON_STEPS) break;
     for (int i = 0; i < MC; ++i) step[i] = -F[i];
     if (!solve_linear(MC, J, step)) break;
-    better = 0;
-    for (int k = 0; k < STEP_HALVINGS && !better; ++k) {
+    has_decreased = 0;
+    for (int k = 0; k < STEP_HALVINGS && !has_decreased; ++k) {
       for (int i = 0; i < MC; ++i) after[i] = trial[i] + length * step[i];
-      next = equations(scene, cones, after, F, J);
-      better = next < (1.0 - SUFFICIENT_DECREASE * length) * size;
+      next_merit = equations(scene, cones, after, F, J);
+      has_decreased = next_merit < (1.0 - SUFFICIENT_DECREASE * length) * merit;
       length *= 0.5;
     }
     for (int i = 0; i < MC; ++i) trial[i] = after[i];
-    size = next;
+    merit = next_merit;
   }
-  if (!(left <= ROUNDING_TOLERANCE)) return 0;
+  if (!(residual <= ROUNDING_TOLERANCE)) return 0;
   for (int i = 0; i < MC; ++i) r[i] = trial[i];
   read_answers(scene, cones, r, answers);
   return 1;

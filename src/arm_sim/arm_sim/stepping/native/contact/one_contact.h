@@ -2,6 +2,9 @@
  *
  * Force on one contact with Coulomb friction, or its impulse.
  *
+ * w = W r + c: motion of the point (normal, two tangents) under the force r, see contact_problem.h; mu: coefficient of
+ * sliding friction.
+ *
  * The cone is Coulomb's, not a pyramid: the direction in which a contact starts to slide is the root of a trigonometric
  * polynomial (Bonnefon, Daviet, "Quartic formulation of Coulomb 3D frictional contact", INRIA, 2011).
  */
@@ -25,15 +28,15 @@ typedef struct {
   enum contact_state state;
   double force[3];     /* normal, two tangents */
   double direction[2]; /* sliding direction */
-} answer_t;
+} contact_solution_t;
 
-static const answer_t apart = {APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
+static const contact_solution_t apart = {APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
 
 /* Acceleration of the gap per normal force, for a contact that slides in the direction (d0, d1). */
 static double grip_of(double W[3][3], double mu, double d0, double d1) { return W[0][0] - mu * (W[0][1] * d0 + W[0][2] * d1); }
 
 /* Let a contact slide in the direction (d0, d1) under a normal force. */
-static void put_sliding(answer_t* answer, double normal, double mu, double d0, double d1) {
+static void put_sliding(contact_solution_t* answer, double normal, double mu, double d0, double d1) {
   answer->state = SLIDES;
   answer->force[0] = normal;
   answer->force[1] = -mu * normal * d0;
@@ -101,12 +104,12 @@ static double root_of(double (*function)(double W[3][3], const double* c, double
 /* The root in an interval, if there is one: its force if that is a solution. Of several roots, that which dissipates the most
  * is taken: `largest_power` is that of the earlier ones, without the factor mu. */
 static void try_interval(double W[3][3], const double* c, double mu, double low, double high, double f_low, double f_high,
-                         double* largest_power, answer_t* answer) {
+                         double* largest_power, contact_solution_t* answer) {
   if (f_low != 0.0 && !(f_low * f_high < 0.0)) return;
   const double root = f_low == 0.0 ? low : root_of(perpendicular, W, c, mu, low, high, f_low);
   const double d0 = cos(root), d1 = sin(root), grip = grip_of(W, mu, d0, d1);
   if (!(grip > 0.0)) return;
-  answer_t trial;
+  contact_solution_t trial;
   put_sliding(&trial, -c[0] / grip, mu, d0, d1);
   double along = 0.0;
   for (int i = 1; i < 3; ++i) {
@@ -122,7 +125,7 @@ static void try_interval(double W[3][3], const double* c, double mu, double low,
 }
 
 /* The direction in which the point starts to slide: w_t is along it under the resulting force. */
-static void start_to_slide(double W[3][3], const double* c, double mu, answer_t* answer) {
+static void start_to_slide(double W[3][3], const double* c, double mu, contact_solution_t* answer) {
   double largest_power = -INFINITY, angle[DIRECTION_INTERVALS + 1], f[DIRECTION_INTERVALS + 1];
   answer->state = UNSOLVABLE;
   for (int k = 0; k <= DIRECTION_INTERVALS; ++k) {
@@ -141,14 +144,14 @@ static void start_to_slide(double W[3][3], const double* c, double mu, answer_t*
   }
 }
 
-/* Solve for one contact, which sticks up to `mu_static`; `direction` is that of a sliding one, else null. */
-static answer_t solve_contact(double W[3][3], const double* c, double mu, double mu_static, const double* direction) {
-  answer_t answer;
+/* Solve for one contact, which sticks up to `mu_static`; `along` is the direction of a sliding one, else null. */
+static contact_solution_t solve_contact(double W[3][3], const double* c, double mu, double mu_static, const double* along) {
+  contact_solution_t answer;
   answer = apart; /* no initializer, of which Clang may make memset: exported code calls none */
   if (c[0] >= 0.0) return answer;
-  if (direction) {
-    const double grip = grip_of(W, mu, direction[0], direction[1]);
-    if (grip > 0.0) put_sliding(&answer, -c[0] / grip, mu, direction[0], direction[1]);
+  if (along) {
+    const double grip = grip_of(W, mu, along[0], along[1]);
+    if (grip > 0.0) put_sliding(&answer, -c[0] / grip, mu, along[0], along[1]);
     else answer.state = UNSOLVABLE;
     return answer;
   }

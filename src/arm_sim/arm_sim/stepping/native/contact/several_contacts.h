@@ -19,7 +19,7 @@ static void scale_friction(const scene_t* scene, cones_t* cones, double part) {
 }
 
 /* Solve for several contacts: 0 if no solution is found. */
-static int solve_contacts(const scene_t* scene, cones_t* cones, answer_t* answers) {
+static int solve_contacts(const scene_t* scene, cones_t* cones, contact_solution_t* answers) {
   static const int sweeps[2] = {20, 200}; /* sweeps before Newton's method is tried, and tried again */
   double r[MC + 1];
   int solved = 0;

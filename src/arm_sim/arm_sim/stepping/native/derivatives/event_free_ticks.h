@@ -29,7 +29,7 @@ static inline event_free_lanes_t event_free_lanes_of(const scene_t* scene, real*
 
 /* Whether closing the contacts at the end of a tick changed the state so little that its derivative can be that of a state
  * which satisfies them. */
-static int is_closed(const scene_t* scene, const event_free_t* tick) {
+static int closing_is_negligible(const scene_t* scene, const event_free_t* tick) {
   for (int i = 0; NC && i < 2 * NU; ++i)
     if (!(__builtin_fabs(tick->after[i] - tick->end[i]) < CLOSING_ROUNDING)) return 0;
   return 1;
@@ -67,8 +67,8 @@ static void make_event_free(const scene_t* scene, const prediction_t* tick, cons
   for (int j = 0; j < LANES; ++j) {
     of_lane[j] = j;
     motions[j] = event_free_of(scene, numbers + j * EVENT_FREE);
-    event_free[j] =
-        event_free[j] && engine->event_free_tick(engine->scene, tick + j, motions + j) && is_closed(scene, motions + j);
+    event_free[j] = event_free[j] && engine->event_free_tick(engine->scene, tick + j, motions + j)
+                    && closing_is_negligible(scene, motions + j);
     if (!event_free[j]) continue;
     any = 1;
     lanes->any_held |= !all_moves(scene, motions[j].p);

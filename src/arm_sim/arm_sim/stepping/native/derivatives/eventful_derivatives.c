@@ -5,10 +5,13 @@
  */
 
 #include "arm/traced_tick.h"
-#include "derivatives/guard_derivatives.h"
 #include "derivatives/impact_derivatives.h"
 #include "derivatives/rest_stability.h"
+#include "derivatives/switch_derivatives.h"
 #include "derivatives/tangents.h"
+
+#define GRAZING_RATE 1e-4   /* rate of a guard that grazes zero, relative to that at the beginning */
+#define DELAY_ROUNDING 1e-9 /* relative difference of the derivatives of an event's time that is none */
 
 /* What the engine does not know. */
 typedef struct {
@@ -100,6 +103,48 @@ static enum refusal begin_motion(const scene_t* scene, const tick_t* tick, const
   CALL(scene->at_rest, (segment->motion_begin, tick->u, segment->p.all), (matrix));
   multiply_rows(scene, NX, matrix, ROWS(motion));
   return NO_REFUSAL;
+}
+
+/* Derivative of the length of a segment that a guard ends, from that of its end at constant length, and by the length. */
+static void follow_guard(const scene_t* scene, int guard, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
+                         const real* speed, real* delay) {
+  real by_x[NX], change[NV], guard_rate = 0.0;
+  find_change(scene, guard, segment->motion_end, tick, segment, slope, by_x, change);
+  for (int i = 0; i < NX; ++i) guard_rate += by_x[i] * speed[i];
+  for (int j = 0; j < NV; ++j) delay[j] = -change[j] / guard_rate;
+}
+
+/* Find the derivative of the length of a segment that an event ends, whichever it is. Joints of a loop come to rest together:
+ * that is one event. */
+static enum refusal find_delay(const scene_t* scene, const tick_t* tick, const record_t* segment, const real (*slope)[NV],
+                               const real* speed, real* delay) {
+  LOCAL(guards_t, begin, guards_of, GUARDS);
+  LOCAL(guards_t, end, guards_of, GUARDS);
+  double spread = 0.0, largest = 0.0;
+  tick->subjects[0] = 0;
+  /* A switch that does not change the motion, such as that of a current that leaves its limit, is no event. */
+  if (segment->length <= TIME_ROUNDING * tick->length)
+    return find_boundaries(scene, segment->motion_begin, tick, segment) ? SAME_INSTANT : NO_REFUSAL;
+  find_guards(scene, segment->motion_begin, tick, segment, &begin);
+  find_guards(scene, segment->motion_end, tick, segment, &end);
+  find_zero(scene, &end, segment->motion_end, tick, segment, tick->subjects);
+  const long long count = tick->subjects[0], *zero = tick->subjects + 1;
+  if (!count) return GRAZES;
+  for (int k = 0; k < count; ++k)
+    if (!(fabs(end.rate[zero[k]]) > GRAZING_RATE * fabs(begin.rate[zero[k]]))) return GRAZES;
+  real delays[NG][NV];
+  for (int k = 0; k < count; ++k) follow_guard(scene, (int)zero[k], tick, segment, slope, speed, delays[k]);
+  for (int j = 0; j < NV; ++j) {
+    double low = delays[0][j], high = low;
+    for (int k = 0; k < count; ++k) {
+      low = fmin(low, delays[k][j]);
+      high = fmax(high, delays[k][j]);
+      largest = fmax(largest, fabs(delays[k][j]));
+    }
+    spread = fmax(spread, high - low);
+    delay[j] = delays[0][j];
+  }
+  return spread > DELAY_ROUNDING * largest ? COINCIDE : NO_REFUSAL;
 }
 
 /* Move over the steps of a segment; `speed` receives the derivative of its end by the length of the last. */

@@ -40,7 +40,7 @@ static impact_t impact_of(const scene_t* scene, double* numbers) {
 static double find_impulse(const scene_t* scene, const mobility_t* mobility, const real* before, double fraction,
                            const contact_t* contact, impact_t* impact) {
   double c[MC + 1], gain = 0.0;
-  answer_t answers[NC + 1];
+  contact_solution_t answers[NC + 1];
   LOCAL(cones_t, cones, cones_of, CONES);
   cones.W = mobility->W;
   cones.c = c;

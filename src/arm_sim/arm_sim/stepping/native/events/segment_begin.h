@@ -29,6 +29,20 @@ static int turns_back(const scene_t* scene, const real* x, const segment_t* segm
   return any;
 }
 
+/* Set joints with dry friction or at stops at rest if the arm's constraints hold them up to rounding: 1 if any moved. */
+static int stop_rounding(const scene_t* scene, real* x) {
+  const double limit = speed_rounding(scene, x);
+  int any = 0;
+  for (int i = 0; i < ND; ++i) {
+    const int side = at_stop(scene, x, i), kept = side ? side * x[NU + i] > 0.0 || scene->constrained + NC > 0
+                                                       : may_stick(scene, i) && scene->constrained + NC > 0;
+    if (!kept || x[NU + i] == 0.0 || fabs(x[NU + i]) > limit) continue;
+    x[NU + i] = 0.0;
+    any = 1;
+  }
+  return any;
+}
+
 /* Choose the modes at x, after impacts, and correct x for them; `losses` are the impacts with loss in this tick, and `anchor`
  * receives the positions of sticking points.
  */

@@ -9,17 +9,17 @@
 
 static void evaluate_stop_guards(const scene_t* scene, const guarded_t* at, guard_values_t* guards) {
   const real* x = at->x;
-  double met[2][NU], push[2][NU];
+  double overlap[2][NU], push[2][NU];
   for (int i = 0; scene->rigid && i < NU; ++i) {
     if (at->segment->p.direction[i] == 0.0) continue;
     const double room = SINKING * at->t + GAP_ROUNDING * (1.0 + fabs(x[i]));
     guards->stop[2 * i] = scene->rigid_stop[0][i] - x[i] - room;
     guards->stop[2 * i + 1] = x[i] - scene->rigid_stop[1][i] - room;
   }
-  if (NQ) find_pressures(scene, x, met, push);
+  if (NQ) find_pressures(scene, x, overlap, push);
   for (int i = 0; i < NQ; ++i)
     for (int side = 0; side < 2; ++side)
-      guards->pressed[2 * i + side] = at->segment->p.pressed[i] == (side ? 1.0 : -1.0) ? -push[side][i] : met[side][i];
+      guards->pressed[2 * i + side] = at->segment->p.pressed[i] == (side ? 1.0 : -1.0) ? -push[side][i] : overlap[side][i];
 }
 
 /* Whether a joint may reach a stop; one with friction that does not turn, see friction_guards.h, meets it at most once. */

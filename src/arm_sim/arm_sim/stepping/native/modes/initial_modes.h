@@ -9,43 +9,29 @@
 
 #define DRIFT_ROUNDING 1e-10 /* acceleration of a constraint that is rounding, relative to the square of the speed */
 
-/* On both sides of all joints, `push`: torques of compliant stops; `met`: the lesser of torque and penetration, positive where
- * a joint is in contact with its stop. */
-static void find_pressures(const scene_t* scene, const real* x, double met[2][NU], double push[2][NU]) {
+/* On both sides of all joints, `push`: torques of compliant stops; `overlap`: the lesser of torque and penetration, positive
+ * where a joint is in contact with its stop. */
+static void find_pressures(const scene_t* scene, const real* x, double overlap[2][NU], double push[2][NU]) {
   real pressure[2 * NU];
   CALL(scene->pressures, (x), (pressure));
   for (int i = 0; i < NQ; ++i)
     for (int side = 0; side < 2; ++side) {
       push[side][i] = pressure[NU * side + i];
-      met[side][i] = fmin(push[side][i], side ? x[i] - scene->soft_stop[1][i] : scene->soft_stop[0][i] - x[i]);
+      overlap[side][i] = fmin(push[side][i], side ? x[i] - scene->soft_stop[1][i] : scene->soft_stop[0][i] - x[i]);
     }
 }
 
 /* Joints in contact with compliant stops: those that press against them, or are about to. */
 static void find_pressed(const scene_t* scene, const real* x, segment_t* segment) {
-  double met[2][NU], push[2][NU];
+  double overlap[2][NU], push[2][NU];
   if (!NQ) return;
-  find_pressures(scene, x, met, push);
+  find_pressures(scene, x, overlap, push);
   for (int i = 0; i < NQ; ++i) {
     const real speed = x[NU + i];
-    const int lower = met[0][i] > 0.0 || (met[0][i] == 0.0 && speed < 0.0);
-    const int upper = met[1][i] > 0.0 || (met[1][i] == 0.0 && speed > 0.0);
+    const int lower = overlap[0][i] > 0.0 || (overlap[0][i] == 0.0 && speed < 0.0);
+    const int upper = overlap[1][i] > 0.0 || (overlap[1][i] == 0.0 && speed > 0.0);
     segment->p.pressed[i] = upper - lower;
   }
-}
-
-/* Set joints with dry friction or at stops at rest if the arm's constraints hold them up to rounding: 1 if any moved. */
-static int stop_rounding(const scene_t* scene, real* x) {
-  const double limit = speed_rounding(scene, x);
-  int any = 0;
-  for (int i = 0; i < ND; ++i) {
-    const int side = at_stop(scene, x, i), kept = side ? side * x[NU + i] > 0.0 || scene->constrained + NC > 0
-                                                       : may_stick(scene, i) && scene->constrained + NC > 0;
-    if (!kept || x[NU + i] == 0.0 || fabs(x[NU + i]) > limit) continue;
-    x[NU + i] = 0.0;
-    any = 1;
-  }
-  return any;
 }
 
 /* Contacts whose gap is closed to rounding. */
@@ -77,6 +63,24 @@ static void guess_from_next_state(contact_mode_t* mode, const contact_t* contact
   mode->along[1] = contact->next_state == SLIDES ? contact->slip_direction[1] : 0.0;
 }
 
+/* Initial guess of a contact: one that touches is closed, and sticks if it is at rest. */
+static void guess_contact(const scene_t* scene, int k, segment_t* segment, const geometry_t* geometry) {
+  contact_t* contact = segment->contact + k;
+  const real* s = geometry->speed + 3 * k + 1;
+  const double size = hypot(s[0], s[1]);
+  const int still = scene->static_friction[k] > 0.0 && (size <= scene->slowest || contact->is_creeping != 0.0),
+            has_direction = scene->friction[k] > 0.0 && !still;
+  contact->was_sliding = !still;
+  contact->sliding_direction[0] = has_direction ? s[0] / size : 1.0;
+  contact->sliding_direction[1] = has_direction ? s[1] / size : 0.0;
+  contact_mode_t* mode = segment->p.contact + k;
+  mode->closed = contact->is_touching;
+  mode->sticks = contact->is_touching != 0.0 && still;
+  for (int i = 0; i < 2; ++i) mode->along[i] = contact->sliding_direction[i];
+  mode->fixed = still;
+  guess_from_next_state(mode, contact);
+}
+
 /* Initial guess: moving joints slide and those at rest stick; touching contacts are closed and those at rest stick. */
 static void guess_from_velocities(const scene_t* scene, const real* x, segment_t* segment, const geometry_t* geometry) {
   for (int i = 0; i < ND; ++i) {
@@ -88,22 +92,7 @@ static void guess_from_velocities(const scene_t* scene, const real* x, segment_t
   find_switches(scene, x, segment, value, size);
   for (int k = 0; k < NK; ++k) segment->p.switches[k] = value[k] >= 0.0;
   find_touching(scene, x, segment, geometry);
-  for (int k = 0; k < NC; ++k) {
-    contact_t* contact = segment->contact + k;
-    const real* s = geometry->speed + 3 * k + 1;
-    const double size = hypot(s[0], s[1]);
-    const int still = scene->static_friction[k] > 0.0 && (size <= scene->slowest || contact->is_creeping != 0.0),
-              has_direction = scene->friction[k] > 0.0 && !still;
-    contact->was_sliding = !still;
-    contact->sliding_direction[0] = has_direction ? s[0] / size : 1.0;
-    contact->sliding_direction[1] = has_direction ? s[1] / size : 0.0;
-    contact_mode_t* mode = segment->p.contact + k;
-    mode->closed = contact->is_touching;
-    mode->sticks = contact->is_touching != 0.0 && still;
-    for (int i = 0; i < 2; ++i) mode->along[i] = contact->sliding_direction[i];
-    mode->fixed = still;
-    guess_from_next_state(mode, contact);
-  }
+  for (int k = 0; k < NC; ++k) guess_contact(scene, k, segment, geometry);
 }
 
 /* Joints at rest that loops in motion take along: with all of them held, the constraints could not be satisfied. */
@@ -144,8 +133,8 @@ static void guess_turning(const scene_t* scene, const real* x, segment_t* segmen
     if (carried[i]) segment->p.direction[i] = 1.0;
   find_slope(scene, x, segment, slope);
   for (int i = 0; i < ND; ++i) {
-    const double way = sign_of(slope[NU + i]);
-    if (carried[i]) segment->p.direction[i] = way * at_stop(scene, x, i) > 0.0 ? 0.0 : way;
+    const double direction = sign_of(slope[NU + i]);
+    if (carried[i]) segment->p.direction[i] = direction * at_stop(scene, x, i) > 0.0 ? 0.0 : direction;
   }
 }
 

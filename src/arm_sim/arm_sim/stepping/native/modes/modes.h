@@ -98,14 +98,14 @@ static int find_infeasible(const scene_t* scene, const real* x, const segment_t*
 }
 
 /* Give a contact the mode that solves its problem. */
-static void put_mode(contact_mode_t* mode, const answer_t* answer) {
+static void put_mode(contact_mode_t* mode, const contact_solution_t* answer) {
   mode->closed = answer->state == SLIDES || answer->state == STICKS;
   mode->sticks = answer->state == STICKS;
   for (int i = 0; i < 2; ++i) mode->along[i] = answer->direction[i];
 }
 
 /* Let a contact on the boundary of its cone slide, against the force on it. */
-static void let_slip(answer_t* answer, const double* force) {
+static void let_slip(contact_solution_t* answer, const double* force) {
   const double size = hypot(force[1], force[2]);
   answer->state = SLIDES;
   for (int i = 0; i < 2; ++i) answer->direction[i] = -force[1 + i] / size;
@@ -130,8 +130,8 @@ static int pivot(const scene_t* scene, const real* x, segment_t* segment, const 
   own_block(scene, mobility.W, entry, block);
   for (int i = 0; i < 3; ++i)
     c[i] = loads->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
-  answer_t answer = solve_contact(block, c, scene->friction[entry], stick_limit(scene, segment, entry),
-                                  contact->was_sliding != 0.0 ? contact->sliding_direction : 0);
+  contact_solution_t answer = solve_contact(block, c, scene->friction[entry], stick_limit(scene, segment, entry),
+                                            contact->was_sliding != 0.0 ? contact->sliding_direction : 0);
   if (answer.state == UNSOLVABLE) return 0;
   if (answer.state == STICKS && mode->closed != 0.0 && mode->sticks != 0.0) let_slip(&answer, r); /* on the boundary */
   put_mode(mode, &answer);
@@ -141,7 +141,7 @@ static int pivot(const scene_t* scene, const real* x, segment_t* segment, const 
 /* Forces of all contacts together. Of redundant ones those of the least norm, as the generated functions find them, by the
  * same iteration with larger steps: the directions in which contacts start to slide depend on each one's share of the load.
  */
-static int solve_of_least_norm(const scene_t* scene, cones_t* cones, const mobility_t* mobility, answer_t* answers) {
+static int solve_of_least_norm(const scene_t* scene, cones_t* cones, const mobility_t* mobility, contact_solution_t* answers) {
   double W[MC * MC + 1], c[MC + 1], damping[MC + 1], trace = 0.0;
   int solved = 1;
   for (int i = 0; i < MC; ++i) trace += AT(mobility->W, MC, i, i);
@@ -167,7 +167,7 @@ static int solve_of_least_norm(const scene_t* scene, cones_t* cones, const mobil
 static void solve_all_contacts(const scene_t* scene, const real* x, segment_t* segment, int with_static) {
   LOCAL(mobility_t, mobility, mobility_of, MOBILITY);
   double limit[NC + 1];
-  answer_t answers[NC + 1];
+  contact_solution_t answers[NC + 1];
   LOCAL(cones_t, cones, cones_of, CONES);
   cones.friction = scene->friction;
   cones.static_friction = limit;

@@ -94,9 +94,8 @@ typedef struct {
 #define EVENT_FREE (P_LENGTH + NC + 3 * NX)
 
 static inline event_free_t event_free_of(const scene_t* scene, double* numbers) {
-  event_free_t tick = {numbers, numbers + P_LENGTH, numbers + P_LENGTH + NC, 0, 0};
-  tick.end = tick.begin + NX;
-  tick.after = tick.end + NX;
+  double* begin = numbers + P_LENGTH + NC;
+  event_free_t tick = {numbers, numbers + P_LENGTH, begin, begin + NX, begin + 2 * NX};
   return tick;
 }
 
