@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steps of length h of one-step methods, built from x' = f(x, u, p)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import casadi as ca
@@ -111,37 +109,6 @@ class _Stages:
         return slope
 
 
-def _step(method: Method, rhs: ca.Function, n: int, scaled: Scaled | None, slope: _Stages) -> Step:
-    """One step of the method, before its projection onto constraints."""
-    x, u, p, h = slope.x, slope.u, slope.p, slope.h
-    if method.name == "implicit":
-        jacobian = scaled() if scaled else None
-        after, estimate, middle = implicit.extrapolated_step(rhs, n, x, u, p, h, jacobian)
-        return Step(x, h, after, [estimate], middle=middle)
-    if (tableau := method.tableau) is None:
-        after = x + h * slope(0, x)  # v first, then q with the new v
-        return Step(x, h, ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:]), [])
-    if tableau.positions:
-        slopes = nystrom.slopes(tableau, rhs, slope, n, x, u, p, h)
-        after = nystrom.stage(tableau, len(slopes), slopes, x, h, n)
-        return Step(x, h, after, [], tableau, slopes)
-    slopes = []
-    for i, row in enumerate(tableau.a):
-        slopes.append(slope(i, x + h * weighted_sum(row, slopes, x) if any(row) else x))
-    after = x + h * weighted_sum(tableau.b, slopes, x)
-    estimates = [h * weighted_sum(weights, slopes, x) for weights in tableau.errors]
-    return Step(x, h, after, estimates, tableau, slopes)
-
-
-def _continuous_output(step: Step, slope: _Stages) -> list[ca.MX]:
-    """What ``build_step`` returns with ``dense`` besides the state at the end."""
-    first, *others = step.dense_output(slope)
-    if slope.first is None:
-        return [first, *others]
-    end_loads = slope.loads[step.end_stage][:2] if step.end_stage is not None else []
-    return [*others, *end_loads]
-
-
 @frozen
 class Step:
     """Expressions of one step.
@@ -189,3 +156,34 @@ class Step:
         last = 2.0 * (self.after - self.x) / self.h - first if end is None else stages[end]
         weights = middle_weights(self.tableau)
         return [first, last, self.x + self.h * weighted_sum(weights, stages, self.x)]
+
+
+def _step(method: Method, rhs: ca.Function, n: int, scaled: Scaled | None, slope: _Stages) -> Step:
+    """One step of the method, before its projection onto constraints."""
+    x, u, p, h = slope.x, slope.u, slope.p, slope.h
+    if method.name == "implicit":
+        jacobian = scaled() if scaled else None
+        after, estimate, middle = implicit.extrapolated_step(rhs, n, x, u, p, h, jacobian)
+        return Step(x, h, after, [estimate], middle=middle)
+    if (tableau := method.tableau) is None:
+        after = x + h * slope(0, x)  # v first, then q with the new v
+        return Step(x, h, ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:]), [])
+    if tableau.positions:
+        slopes = nystrom.slopes(tableau, rhs, slope, n, x, u, p, h)
+        after = nystrom.stage(tableau, len(slopes), slopes, x, h, n)
+        return Step(x, h, after, [], tableau, slopes)
+    slopes = []
+    for i, row in enumerate(tableau.a):
+        slopes.append(slope(i, x + h * weighted_sum(row, slopes, x) if any(row) else x))
+    after = x + h * weighted_sum(tableau.b, slopes, x)
+    estimates = [h * weighted_sum(weights, slopes, x) for weights in tableau.errors]
+    return Step(x, h, after, estimates, tableau, slopes)
+
+
+def _continuous_output(step: Step, slope: _Stages) -> list[ca.MX]:
+    """What ``build_step`` returns with ``dense`` besides the state at the end."""
+    first, *others = step.dense_output(slope)
+    if slope.first is None:
+        return [first, *others]
+    end_loads = slope.loads[step.end_stage][:2] if step.end_stage is not None else []
+    return [*others, *end_loads]
