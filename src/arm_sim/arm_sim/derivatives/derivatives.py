@@ -314,8 +314,8 @@ class Derivatives:
         """Point at which a tick is differentiated: x and the command, validated."""
         check_whole("ticks", ticks, 1)
         if not isinstance(state, State):
-            kind = type(state).__name__
-            raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")
+            kind = f"state is of type {type(state).__name__}"
+            raise InvalidInput(f"{kind}; a State is expected, as of sim.state or sim.reset(q, v)")
         x = pack_state(self._plant, state.q, state.v, state.z)
         return x, np.array(check_torque(tau, self._plant.model.joint_names))
 

@@ -72,7 +72,7 @@ def driver_of(arm: SimulatedArm, control: Any, reference: Motion | None, ticks: 
         dynamics = arm.compiled.present.with_external(arm.parameters)
         control = _commands_of(control, reference, dynamics, arm.measured)
     elif reference is not None:
-        raise InvalidInput("a reference is for a controller with check_torque(state, reference)")
+        raise InvalidInput("a reference is for a controller with torque(state, reference)")
     if isinstance(control, CompiledControl):
         if arm.sensors is not None or arm.line is not None:
             raise InvalidInput(
