@@ -37,14 +37,14 @@ class StateSource:
         shared, now = self.shared, time.monotonic_ns()
         if shared.last_time and sender != bytes(shared.sender):
             shared.other[:], shared.other_time = sender, now
-            if not self._succeeds(now):
+            if not self._count_other(now):
                 return False
             shared.other_time = 0  # it is the followed one now
         shared.sender[:], shared.last_time = sender, now
         return True
 
-    def _succeeds(self, now: int) -> bool:
-        """Count a state of others; whether they have been heard alone for long enough."""
+    def _count_other(self, now: int) -> bool:
+        """Count a state of another one; whether it has been heard alone for long enough."""
         if self.shared.last_time >= self._since:
             self._since, self._count = now, 0
         self._count += 1
